@@ -1,0 +1,304 @@
+//! What is accepted as an image of a dataset.
+//!
+//! The bytes are anybody's until they have passed here. The header is read first, by a reader that
+//! never reserves more than a few megabytes ahead of the bytes it has; only when it describes the
+//! very film, channels and layout that the renderer writes are pixels decoded, so one flipped bit
+//! cannot ask for gigabytes.
+
+use dataset::{
+    Digest, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION, Specification,
+    specification::{Image, Pixel},
+};
+use exr::{
+    block::{BlockIndex, UncompressedBlock},
+    compression::Compression,
+    meta::{
+        BlockDescription,
+        attribute::{AttributeValue, LineOrder, SampleType, Text},
+        header::Header,
+    },
+};
+use std::{io::Cursor, panic};
+use thiserror::Error;
+
+/// Scan lines in a block of ZIP16.
+const LINES_PER_BLOCK: usize = 16;
+
+/// The largest image header as JSON, bytes.
+const HEADER_JSON_BYTES_MAX: usize = 64 << 10;
+
+/// Why bytes are no image of the dataset.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum Rejection {
+    /// The bytes have another digest.
+    #[error("the bytes have the digest {found}, not {named}")]
+    Digest {
+        /// What they were called.
+        named: Digest,
+        /// What they are.
+        found: Digest,
+    },
+    /// The file cannot be read.
+    #[error("the file is no EXR image that can be read: {0}")]
+    Unreadable(String),
+    /// The file's layout is not what the renderer writes.
+    #[error("the image's {what} is {found}, but this dataset's is {expected}")]
+    Layout {
+        /// Which property.
+        what: &'static str,
+        /// As the file has it.
+        found: String,
+        /// As the dataset has it.
+        expected: String,
+    },
+    /// The attribute that says which image it is is absent or malformed.
+    #[error("the image's attribute {IMAGE_HEADER_ATTRIBUTE:?} {0}")]
+    Attribute(String),
+    /// A pixel's value is no radiance.
+    #[error("line {line} of the image has a value that is {what}")]
+    Pixel {
+        /// Counted from 0 at the top.
+        line: usize,
+        /// Not finite, or negative.
+        what: &'static str,
+    },
+    /// It is an image, but of something else.
+    #[error("the image's {what} is {found}, but it was sent as {expected}")]
+    Identity {
+        /// Which property.
+        what: &'static str,
+        /// As the file has it.
+        found: String,
+        /// As the job has it.
+        expected: String,
+    },
+}
+
+/// Checks that bytes have a digest.
+pub fn check_digest(bytes: &[u8], named: Digest) -> Result<(), Rejection> {
+    let found = Digest::of(bytes);
+    if found == named {
+        Ok(())
+    } else {
+        Err(Rejection::Digest { named, found })
+    }
+}
+
+/// Reads a whole image under bounds and returns what it says of itself. `film` is the dataset's.
+pub fn inspect(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejection> {
+    // The decoder is not ours: should some input make it panic, it is a bad image like any other.
+    panic::catch_unwind(|| inspect_unguarded(bytes, film)).unwrap_or_else(|_| {
+        Err(Rejection::Unreadable(
+            "the decoder gave up on it".to_owned(),
+        ))
+    })
+}
+
+/// What the images of a material have to say of themselves, view by view.
+pub fn expected_headers(
+    specification: &Specification,
+    specification_hash: Digest,
+    material: u32,
+) -> Vec<ImageHeader> {
+    let parameters = specification.material(material).material;
+    (0..specification.views.len() as u32)
+        .map(|view| ImageHeader {
+            specification: specification_hash.to_string(),
+            seed: specification.seed,
+            material: Some(material),
+            view,
+            parameters,
+            tint: specification.tint,
+            renderer_version: RENDERER_VERSION.to_owned(),
+        })
+        .collect()
+}
+
+/// Checks that an image is the one that was asked for.
+pub fn check_identity(header: &ImageHeader, expected: &ImageHeader) -> Result<(), Rejection> {
+    if header == expected {
+        return Ok(());
+    }
+    let properties = [
+        (
+            "specification",
+            format!("{:?}", header.specification),
+            format!("{:?}", expected.specification),
+        ),
+        (
+            "renderer version",
+            format!("{:?}", header.renderer_version),
+            format!("{:?}", expected.renderer_version),
+        ),
+        (
+            "material",
+            format!("{:?}", header.material),
+            format!("{:?}", expected.material),
+        ),
+        ("view", header.view.to_string(), expected.view.to_string()),
+        ("seed", header.seed.to_string(), expected.seed.to_string()),
+        (
+            "tint",
+            format!("{:?}", header.tint),
+            format!("{:?}", expected.tint),
+        ),
+    ];
+    let different = properties
+        .into_iter()
+        .find(|(_, found, expected)| found != expected);
+    let (what, found, expected) = different.unwrap_or_else(|| {
+        (
+            "material parameters",
+            format!("{:?}", header.parameters),
+            format!("{:?}", expected.parameters),
+        )
+    });
+    Err(Rejection::Identity {
+        what,
+        found,
+        expected,
+    })
+}
+
+fn inspect_unguarded(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejection> {
+    let unreadable = |error: exr::error::Error| Rejection::Unreadable(error.to_string());
+    let reader = exr::block::read(Cursor::new(bytes), true).map_err(unreadable)?;
+    let [header] = reader.headers() else {
+        let layers = reader.headers().len();
+        return Err(layout("number of layers", layers, 1));
+    };
+    check_layout(header, film)?;
+    let identity = read_identity(header)?;
+    let description = reader.meta_data().clone();
+    let mut blocks = 0;
+    for chunk in reader.all_chunks(true).map_err(unreadable)? {
+        let chunk = chunk.map_err(unreadable)?;
+        let block =
+            UncompressedBlock::decompress_chunk(chunk, &description, true).map_err(unreadable)?;
+        check_pixels(&block, film)?;
+        blocks += 1;
+    }
+    same("number of blocks", blocks, film_blocks(film))?;
+    Ok(identity)
+}
+
+fn check_layout(header: &Header, film: &Image) -> Result<(), Rejection> {
+    let size = (header.layer_size.0, header.layer_size.1);
+    let film_size = (film.width as usize, film.height as usize);
+    same("data window's size", size, film_size)?;
+    let corner = header.own_attributes.layer_position;
+    same("data window's corner", (corner.0, corner.1), (0, 0))?;
+    let display = header.shared_attributes.display_window;
+    same(
+        "display window",
+        (
+            display.position.0,
+            display.position.1,
+            display.size.0,
+            display.size.1,
+        ),
+        (0, 0, film_size.0, film_size.1),
+    )?;
+    same("block layout", header.blocks, BlockDescription::ScanLines)?;
+    same("compression", header.compression, Compression::ZIP16)?;
+    same("line order", header.line_order, LineOrder::Increasing)?;
+    same("depth", header.deep, false)?;
+    same("number of blocks", header.chunk_count, film_blocks(film))?;
+    let sample_type = match film.pixel {
+        Pixel::Half => SampleType::F16,
+        Pixel::Float => SampleType::F32,
+    };
+    let names: Vec<String> = header
+        .channels
+        .list
+        .iter()
+        .map(|channel| channel.name.to_string())
+        .collect();
+    same(
+        "list of channels",
+        names,
+        ["B", "G", "R"].map(str::to_owned).to_vec(),
+    )?;
+    for channel in &header.channels.list {
+        same("pixel type", channel.sample_type, sample_type)?;
+        same(
+            "channel sampling",
+            (channel.sampling.0, channel.sampling.1),
+            (1, 1),
+        )?;
+    }
+    Ok(())
+}
+
+fn film_blocks(film: &Image) -> usize {
+    (film.height as usize).div_ceil(LINES_PER_BLOCK)
+}
+
+fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
+    let name = Text::from(IMAGE_HEADER_ATTRIBUTE);
+    let own = header.own_attributes.other.get(&name);
+    let value = own.or_else(|| header.shared_attributes.other.get(&name));
+    let text = match value {
+        Some(AttributeValue::Text(text)) => text.to_string(),
+        Some(_) => return Err(Rejection::Attribute("is no text".to_owned())),
+        None => return Err(Rejection::Attribute("is missing".to_owned())),
+    };
+    if text.len() > HEADER_JSON_BYTES_MAX {
+        return Err(Rejection::Attribute(format!(
+            "has {} bytes, more than {HEADER_JSON_BYTES_MAX}",
+            text.len()
+        )));
+    }
+    serde_json::from_str(&text)
+        .map_err(|error| Rejection::Attribute(format!("is no image header: {error}")))
+}
+
+/// Every value finite and not below zero, told from the bits: all exponent bits set is infinite or
+/// no number; the sign bit with anything beside it is negative.
+fn check_pixels(block: &UncompressedBlock, film: &Image) -> Result<(), Rejection> {
+    let BlockIndex { pixel_position, .. } = block.index;
+    let (bytes, exponent, sign) = match film.pixel {
+        Pixel::Half => (2, 0x7c00, 0x8000),
+        Pixel::Float => (4, 0x7f80_0000, 0x8000_0000),
+    };
+    let bytes_per_line = 3 * film.width as usize * bytes;
+    for (row, line) in block.data.chunks(bytes_per_line).enumerate() {
+        for sample in line.chunks_exact(bytes) {
+            let bits: u32 = match *sample {
+                [a, b] => u16::from_ne_bytes([a, b]).into(),
+                [a, b, c, d] => u32::from_ne_bytes([a, b, c, d]),
+                _ => unreachable!("chunks of two or four bytes"),
+            };
+            let what = if bits & exponent == exponent {
+                "not finite"
+            } else if bits > sign {
+                "negative"
+            } else {
+                continue;
+            };
+            let line = pixel_position.1 + row;
+            return Err(Rejection::Pixel { line, what });
+        }
+    }
+    Ok(())
+}
+
+fn same<T: PartialEq + std::fmt::Debug>(
+    what: &'static str,
+    found: T,
+    expected: T,
+) -> Result<(), Rejection> {
+    if found == expected {
+        Ok(())
+    } else {
+        Err(layout(what, found, expected))
+    }
+}
+
+fn layout<T: std::fmt::Debug>(what: &'static str, found: T, expected: T) -> Rejection {
+    Rejection::Layout {
+        what,
+        found: format!("{found:?}"),
+        expected: format!("{expected:?}"),
+    }
+}

@@ -1,0 +1,35 @@
+//! A completed material: the record that everything else is derived from.
+
+use dataset::{CompletedView, Digest};
+use serde::{Deserialize, Serialize};
+
+/// What was reported of a material when it was completed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Completion {
+    /// The material's index.
+    pub material: u32,
+    /// Every view of the specification, in order.
+    pub views: Vec<CompletedView>,
+    /// Wall-clock time of rendering.
+    pub seconds: f64,
+    /// The name of the worker.
+    pub worker: String,
+}
+
+impl Completion {
+    /// The digest of all images' digests: equal exactly when the images are.
+    pub fn fingerprint(&self) -> Digest {
+        let digests: Vec<u8> = self
+            .views
+            .iter()
+            .flat_map(|view| *view.digest.as_bytes())
+            .collect();
+        Digest::of(&digests)
+    }
+
+    /// Bytes of all images.
+    pub fn bytes(&self) -> u64 {
+        self.views.iter().map(|view| view.bytes).sum()
+    }
+}

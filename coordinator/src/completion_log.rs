@@ -1,0 +1,315 @@
+//! The completion log: one line for each completed material, from which a lost ledger is rebuilt
+//! and which readers read, with or without a coordinator at work.
+//!
+//! A line is the first 16 hexadecimal digits of the BLAKE3 hash of a JSON text, a space, the JSON
+//! text of a [`Completion`], and a newline. Lines are only ever appended; where a material occurs
+//! twice the later line counts. A crash can tear the last line, which is then cut off; a line that
+//! is damaged elsewhere is passed over and reported.
+
+use crate::{completion::Completion, file_error::FileError, limits};
+use dataset::Digest;
+use std::{
+    collections::BTreeMap,
+    fs::{File, OpenOptions},
+    io::{self, BufRead, BufReader, Read, Write},
+    os::unix::fs::FileExt,
+    path::{Path, PathBuf},
+};
+
+const CHECKSUM_DIGITS: usize = 16;
+
+/// The most damaged lines whose numbers are kept.
+const BAD_LINES_LISTED_MAX: usize = 64;
+
+/// Where a line stands in the file.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    offset: u64,
+    bytes: u32,
+}
+
+/// What a log holds; completions are read when they are asked for.
+#[derive(Debug)]
+pub struct Completions {
+    file: File,
+    path: PathBuf,
+    places: BTreeMap<u32, Place>,
+    /// Numbers, from 1, of the first lines that are damaged.
+    pub bad_lines: Vec<u64>,
+    /// How many lines are damaged.
+    pub bad_line_count: u64,
+    /// Bytes after the last newline.
+    pub torn_bytes: u64,
+    /// Bytes up to and with the last newline.
+    pub whole_bytes: u64,
+}
+
+impl Completions {
+    /// Reads a log and checks every line. Holds 16 bytes a line in memory, whatever lines hold.
+    pub fn open(path: &Path) -> Result<Self, FileError> {
+        let file = File::open(path).map_err(FileError::new("open", path))?;
+        let mut reader = BufReader::with_capacity(
+            1 << 16,
+            file.try_clone().map_err(FileError::new("open", path))?,
+        );
+        let mut found = Self {
+            file,
+            path: path.to_owned(),
+            places: BTreeMap::new(),
+            bad_lines: Vec::new(),
+            bad_line_count: 0,
+            torn_bytes: 0,
+            whole_bytes: 0,
+        };
+        let mut line = Vec::new();
+        for number in 1.. {
+            let read = read_line(&mut reader, &mut line).map_err(FileError::new("read", path))?;
+            if read == 0 {
+                break;
+            }
+            if line.last() != Some(&b'\n') && !over_limit(&line) {
+                found.torn_bytes = read;
+                break;
+            }
+            let place = Place {
+                offset: found.whole_bytes,
+                bytes: line.len() as u32,
+            };
+            match decode(&line) {
+                Some(completion) => {
+                    found.places.insert(completion.material, place);
+                }
+                None => found.note_bad_line(number),
+            }
+            found.whole_bytes += read;
+        }
+        Ok(found)
+    }
+
+    /// How many materials are complete.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether none is.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Whether a material is complete.
+    pub fn contains(&self, material: u32) -> bool {
+        self.places.contains_key(&material)
+    }
+
+    /// The completed materials, in order.
+    pub fn materials(&self) -> impl Iterator<Item = u32> {
+        self.places.keys().copied()
+    }
+
+    /// Reads one completion. `None` where the material is not complete, and where its line was
+    /// damaged since it was checked.
+    pub fn get(&self, material: u32) -> Result<Option<Completion>, FileError> {
+        let Some(place) = self.places.get(&material) else {
+            return Ok(None);
+        };
+        let mut line = vec![0; place.bytes as usize];
+        self.file
+            .read_exact_at(&mut line, place.offset)
+            .map_err(FileError::new("read", &self.path))?;
+        Ok(decode(&line))
+    }
+
+    fn note_bad_line(&mut self, number: u64) {
+        self.bad_line_count += 1;
+        if self.bad_lines.len() < BAD_LINES_LISTED_MAX {
+            self.bad_lines.push(number);
+        }
+    }
+}
+
+/// The log open for appending; a store has one at most.
+#[derive(Debug)]
+pub struct CompletionLog {
+    file: File,
+    path: PathBuf,
+}
+
+impl CompletionLog {
+    /// Opens a log, or begins one, and cuts off a torn last line.
+    pub fn open(path: &Path) -> Result<(Self, Completions), FileError> {
+        let file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(path)
+            .map_err(FileError::new("open", path))?;
+        let found = Completions::open(path)?;
+        if found.torn_bytes > 0 {
+            file.set_len(found.whole_bytes)
+                .and_then(|()| file.sync_all())
+                .map_err(FileError::new("cut the torn last line off", path))?;
+        }
+        let path = path.to_owned();
+        Ok((Self { file, path }, found))
+    }
+
+    /// Appends completions and syncs. After an error the end of the file may be torn: nothing can
+    /// be appended until the log is opened anew.
+    pub fn append<'a>(
+        &mut self,
+        completions: impl IntoIterator<Item = &'a Completion>,
+    ) -> Result<(), FileError> {
+        let mut lines = Vec::new();
+        for completion in completions {
+            encode(completion, &mut lines).map_err(FileError::new("append to", &self.path))?;
+        }
+        if lines.is_empty() {
+            return Ok(());
+        }
+        self.file
+            .write_all(&lines)
+            .and_then(|()| self.file.sync_data())
+            .map_err(FileError::new("append to", &self.path))
+    }
+}
+
+fn encode(completion: &Completion, lines: &mut Vec<u8>) -> io::Result<()> {
+    let json = serde_json::to_string(completion)?;
+    writeln!(lines, "{} {json}", checksum(json.as_bytes()))
+}
+
+fn decode(line: &[u8]) -> Option<Completion> {
+    let line = line.strip_suffix(b"\n")?;
+    let (sum, rest) = line.split_at_checked(CHECKSUM_DIGITS)?;
+    let json = rest.strip_prefix(b" ")?;
+    if checksum(json).as_bytes() != sum {
+        return None;
+    }
+    serde_json::from_slice(json).ok()
+}
+
+fn checksum(json: &[u8]) -> String {
+    let mut hex = Digest::of(json).to_string();
+    hex.truncate(CHECKSUM_DIGITS);
+    hex
+}
+
+fn over_limit(line: &[u8]) -> bool {
+    line.len() as u64 >= limits::LOG_LINE_BYTES_MAX
+}
+
+/// Reads through the next newline and returns how many bytes that were. Of a line beyond the limit
+/// only the limit is kept, without its newline, so that it counts as damaged; a file of noise thus
+/// costs no more memory than the longest line.
+fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<u64> {
+    line.clear();
+    let mut read = reader
+        .by_ref()
+        .take(limits::LOG_LINE_BYTES_MAX)
+        .read_until(b'\n', line)? as u64;
+    if over_limit(line) && line.last() != Some(&b'\n') {
+        read += reader.skip_until(b'\n')? as u64;
+    }
+    Ok(read)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::{CompletedView, ErrorStatistics};
+    use std::fs;
+
+    fn completion(material: u32) -> Completion {
+        let view = |view: u8| CompletedView {
+            digest: Digest::of(&[material as u8, view]),
+            bytes: 30_000 + u64::from(view),
+            statistics: ErrorStatistics {
+                mean: 0.1 + 0.2,
+                p95: 1e-300,
+                max: 4.0,
+                within_target: 1.0,
+                samples: u64::MAX,
+            },
+        };
+        Completion {
+            material,
+            views: (0..3).map(view).collect(),
+            seconds: 1.5,
+            worker: "a \"worker\"\nof two lines".to_owned(),
+        }
+    }
+
+    fn log_of(count: u32) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("completions.log");
+        let (mut log, found) = CompletionLog::open(&path).unwrap();
+        assert!(found.is_empty());
+        let all: Vec<Completion> = (0..count).map(completion).collect();
+        log.append(&all).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn what_is_appended_reads_back() {
+        let (_folder, path) = log_of(5);
+        let (mut log, found) = CompletionLog::open(&path).unwrap();
+        assert_eq!(found.materials().collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+        assert_eq!(found.get(3).unwrap(), Some(completion(3)));
+        assert_eq!(found.get(7).unwrap(), None);
+        let mut again = completion(3);
+        again.seconds = 9.0;
+        log.append([&again]).unwrap();
+        let found = Completions::open(&path).unwrap();
+        assert_eq!(found.len(), 5);
+        assert_eq!(found.get(3).unwrap(), Some(again), "the later line counts");
+    }
+
+    #[test]
+    fn a_line_torn_anywhere_is_cut_and_the_log_goes_on() {
+        let (_folder, path) = log_of(3);
+        let whole = fs::read(&path).unwrap();
+        let last = whole[..whole.len() - 1]
+            .iter()
+            .rposition(|byte| *byte == b'\n')
+            .unwrap()
+            + 1;
+        for length in last..whole.len() {
+            fs::write(&path, &whole[..length]).unwrap();
+            let (mut log, found) = CompletionLog::open(&path).unwrap();
+            assert_eq!(found.materials().collect::<Vec<_>>(), [0, 1]);
+            assert_eq!(found.torn_bytes, (length - last) as u64);
+            assert_eq!(found.bad_line_count, 0);
+            log.append([&completion(2)]).unwrap();
+            assert_eq!(fs::read(&path).unwrap(), whole);
+        }
+    }
+
+    #[test]
+    fn a_damaged_line_is_passed_over_and_reported() {
+        let (_folder, path) = log_of(3);
+        let whole = fs::read(&path).unwrap();
+        let line = whole.len() / 3;
+        for offset in [line, line + 9, line + 40, 2 * line - 3] {
+            let mut damaged = whole.clone();
+            damaged[offset] ^= 1;
+            fs::write(&path, damaged).unwrap();
+            let found = Completions::open(&path).unwrap();
+            assert_eq!(found.materials().collect::<Vec<_>>(), [0, 2], "{offset}");
+            assert_eq!(found.bad_lines, [2]);
+            assert_eq!(found.torn_bytes, 0);
+        }
+    }
+
+    #[test]
+    fn noise_is_no_completion_and_no_memory() {
+        let (_folder, path) = log_of(1);
+        let mut noise = fs::read(&path).unwrap();
+        noise.resize(noise.len() + 3 * limits::LOG_LINE_BYTES_MAX as usize, 0);
+        noise.push(b'\n');
+        noise.extend_from_slice(b"\n0123456789abcdef {}\n\xff\xfe\n");
+        fs::write(&path, &noise).unwrap();
+        let found = Completions::open(&path).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(found.bad_lines, [2, 3, 4, 5]);
+        assert_eq!(found.whole_bytes, noise.len() as u64);
+    }
+}

@@ -1,0 +1,43 @@
+//! The coordinator: ledger, blob store, leases, gRPC service, export.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`queue`] | the jobs' state machine: no sockets, no clock, no input or output |
+//! | [`ledger`] | jobs, completions and the index of images, in sled |
+//! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
+//! | [`blobs`] | images by digest |
+//! | [`store`] | one folder with all three, for one writer and any number of readers |
+//! | [`acceptance`] | what counts as an image of the dataset |
+//! | [`export`] | the manifest as JSON Lines, CSV and Parquet |
+//! | [`verify`] | every image present, intact and what it says it is |
+//! | [`limits`] | every limit, with its unit |
+//!
+//! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
+
+pub mod acceptance;
+pub mod blobs;
+mod commit;
+mod completion;
+pub mod completion_log;
+pub mod export;
+mod farm;
+mod file_error;
+pub mod ledger;
+pub mod limits;
+pub mod queue;
+mod recovery;
+mod roster;
+mod running;
+mod service;
+mod staging;
+pub mod store;
+pub mod token;
+pub mod verify;
+
+pub use completion::Completion;
+pub use farm::Progress;
+pub use file_error::FileError;
+pub use queue::Policy;
+pub use recovery::Recovery;
+pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator};
+pub use store::{ReadOnlyStore, Store, StoreError};

@@ -1,0 +1,58 @@
+//! Every limit of the coordinator, with its unit. Those that both sides of the protocol keep stand
+//! in `proto::limits`.
+
+use std::time::Duration;
+
+/// How long a lease lives without renewal.
+pub const LEASE: Duration = Duration::from_secs(60);
+
+/// How long a lease is prolonged while its progress stands still: the longest that one view may
+/// take.
+pub const STALL: Duration = Duration::from_secs(3600);
+
+/// Failures of one material, reported by workers, after which it is set aside.
+pub const FAILURES_MAX: u32 = 3;
+
+/// Leases of one material that may run out before it is set aside: a material that takes its
+/// worker down every time is not handed out for ever.
+pub const LEASES_LOST_MAX: u32 = 10;
+
+/// Workers registered at one time.
+pub const WORKERS_MAX: usize = 10_000;
+
+/// How long a worker counts as present after its last call, and is remembered when it holds
+/// nothing. More than the longest wait for a lease.
+pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
+
+/// Bytes of images accepted and not yet completed.
+pub const STAGED_BYTES_MAX: u64 = 2 << 30;
+
+/// How long an accepted image waits for its completion before it is dropped.
+pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
+
+/// Images that are checked and written at one time; with the largest image this bounds memory.
+pub const UPLOADS_AT_ONCE_MAX: usize = 16;
+
+/// The largest specification file, bytes.
+pub const SPECIFICATION_BYTES_MAX: u64 = 4 << 20;
+
+/// The longest line of the completion log, bytes.
+pub const LOG_LINE_BYTES_MAX: u64 = 4 << 20;
+
+/// sled's page cache, bytes.
+pub const LEDGER_CACHE_BYTES: u64 = 64 << 20;
+
+/// Transitions that one group commit makes durable together.
+pub const COMMIT_BATCH_MAX: usize = 1024;
+
+/// How long a restart waits for the ledger of a process that is just ending.
+pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
+
+/// The longest pause between two looks for leases that ran out.
+pub const SWEEP_INTERVAL_MAX: Duration = Duration::from_secs(1);
+
+/// How long a stopping coordinator waits for calls under way.
+pub const STOP_GRACE: Duration = Duration::from_secs(5);
+
+/// Bytes that surround the pixels of an image: header, attributes, chunk table.
+pub const IMAGE_OVERHEAD_BYTES_MAX: u64 = 64 << 10;

@@ -1,0 +1,252 @@
+//! Starting and stopping a coordinator.
+
+use crate::{
+    farm::{Farm, Progress},
+    file_error::FileError,
+    limits,
+    queue::Policy,
+    service::Service,
+    store::Store,
+};
+use dataset::specification::{Image, Pixel};
+use std::{
+    fs::File,
+    io,
+    net::{Ipv4Addr, SocketAddr},
+    sync::Arc,
+};
+use thiserror::Error;
+use tokio::{
+    net::TcpListener,
+    sync::watch,
+    task::{JoinSet, spawn_blocking},
+    time::{sleep, timeout},
+};
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::transport::Server;
+
+/// Where and how a coordinator serves.
+#[derive(Clone, Copy, Debug)]
+pub struct Options {
+    /// The address to listen on; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// Whether an address that other machines reach may be served without encryption or tokens.
+    pub insecure: bool,
+    /// The queue's limits.
+    pub policy: Policy,
+    /// Whether materials that were set aside get another chance now.
+    pub retry_set_aside: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            insecure: false,
+            policy: Policy::default(),
+            retry_set_aside: true,
+        }
+    }
+}
+
+/// Why a coordinator does not serve, or serves no longer.
+#[derive(Debug, Error)]
+pub enum CoordinatorError {
+    /// The address is for others to reach, and nothing protects it.
+    #[error(
+        "{0} can be reached from other machines, and nothing protects it: listen on a loopback \
+         address, or pass --insecure where the network itself is trusted"
+    )]
+    Exposed(SocketAddr),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// An image may be larger than a message.
+    #[error(
+        "an image of {width} x {height} pixels can have {bytes} bytes, more than the {max} that a \
+         worker can send: lower image.width or image.height",
+        max = proto::limits::BLOB_BYTES_MAX
+    )]
+    ImageTooLarge {
+        /// Pixels a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// The most that such an image has.
+        bytes: u64,
+    },
+    /// The store can no longer be written.
+    #[error("the store can no longer be written: {0}")]
+    Store(String),
+    /// The system would not do what was asked.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// A coordinator at work. Dropping it stops it at once; [`RunningCoordinator::shutdown`] lets calls
+/// under way end.
+pub struct RunningCoordinator {
+    address: SocketAddr,
+    farm: Arc<Farm>,
+    tasks: JoinSet<()>,
+    stop: watch::Sender<bool>,
+    // The last to go: whoever gets the lock next finds a store that nobody writes.
+    lock: File,
+}
+
+/// Starts a coordinator over a store.
+pub struct Coordinator;
+
+impl Coordinator {
+    /// Serves `store` until [`RunningCoordinator::shutdown`]. Has to be called inside a runtime.
+    pub async fn start(
+        store: Store,
+        options: Options,
+    ) -> Result<RunningCoordinator, CoordinatorError> {
+        let Options { listen, policy, .. } = options;
+        if !listen.ip().is_loopback() && !options.insecure {
+            return Err(CoordinatorError::Exposed(listen));
+        }
+        check_image_size(&store.specification().image)?;
+        let unable = |source| CoordinatorError::Listen {
+            address: listen,
+            source,
+        };
+        let listener = TcpListener::bind(listen).await.map_err(unable)?;
+        let address = listener.local_addr().map_err(unable)?;
+        let (stop, stopping) = watch::channel(false);
+        let (farm, lock) = Farm::start(store, policy, options.retry_set_aside, stopping.clone())?;
+        let farm = Arc::new(farm);
+        let mut tasks = JoinSet::new();
+        tasks.spawn(serve(Arc::clone(&farm), listener, stopping.clone()));
+        tasks.spawn(sweep(Arc::clone(&farm), stopping));
+        tracing::info!(%address, "the coordinator listens");
+        Ok(RunningCoordinator {
+            address,
+            farm,
+            tasks,
+            stop,
+            lock,
+        })
+    }
+}
+
+impl RunningCoordinator {
+    /// The address it listens on.
+    pub fn local_addr(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The URL that workers on this machine connect to.
+    pub fn url(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
+    /// How far it is, now and whenever that changes.
+    pub fn progress(&self) -> watch::Receiver<Progress> {
+        self.farm.progress()
+    }
+
+    /// Waits until nothing is left to do, and all of it is durable.
+    pub async fn wait_until_finished(&self) -> Result<Progress, CoordinatorError> {
+        let mut progress = self.farm.progress();
+        let mut failure = self.farm.failure();
+        tokio::select! {
+            _ = progress.wait_for(Progress::is_finished) => {}
+            // Without a failure the sender lives as long as the farm.
+            _ = failure.wait_for(Option::is_some) => {}
+        }
+        let settled = self.farm.settled().await;
+        settled.map_err(|error| CoordinatorError::Store(error.0.unwrap_or_default()))?;
+        Ok(*self.farm.progress().borrow())
+    }
+
+    /// Waits until the store can no longer be written, which takes a fault.
+    pub async fn failed(&self) -> CoordinatorError {
+        let mut failure = self.farm.failure();
+        match failure.wait_for(Option::is_some).await {
+            Ok(why) => CoordinatorError::Store(why.clone().unwrap_or_default()),
+            Err(_) => CoordinatorError::Store("it is closed".to_owned()),
+        }
+    }
+
+    /// Materials set aside, the first few, with their errors.
+    pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
+        self.farm.status().1
+    }
+
+    /// Takes no more calls, lets those under way end, makes everything durable and lets go of the
+    /// store.
+    pub async fn shutdown(mut self) {
+        // No receiver means that the tasks have ended already.
+        let _ = self.stop.send(true);
+        let ended = async { while self.tasks.join_next().await.is_some() {} };
+        if timeout(limits::STOP_GRACE, ended).await.is_err() {
+            tracing::warn!("calls under way were cut off");
+            self.tasks.shutdown().await;
+        }
+        let Self { farm, lock, .. } = self;
+        let closed = spawn_blocking(move || {
+            farm.close();
+            drop(farm);
+        });
+        if closed.await.is_err() {
+            tracing::error!("closing the store failed");
+        }
+        drop(lock);
+        tracing::info!("the coordinator stopped");
+    }
+}
+
+async fn serve(farm: Arc<Farm>, listener: TcpListener, mut stopping: watch::Receiver<bool>) {
+    let stop = async move {
+        // An error means that the coordinator was dropped: stop as well.
+        drop(stopping.wait_for(|stopping| *stopping).await);
+    };
+    let served = Server::builder()
+        .concurrency_limit_per_connection(proto::limits::CALLS_PER_CONNECTION_MAX)
+        .http2_keepalive_interval(Some(proto::limits::KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(proto::limits::KEEPALIVE_TIMEOUT))
+        .timeout(proto::limits::LEASE_WAIT_MAX + proto::limits::CALL_DEADLINE)
+        .tcp_nodelay(true)
+        .add_service(proto::server(Service { farm }))
+        .serve_with_incoming_shutdown(TcpListenerStream::new(listener), stop)
+        .await;
+    if let Err(error) = served {
+        tracing::error!(%error, "the coordinator serves no longer");
+    }
+}
+
+async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
+    // Ends with the store as well: nothing can be recorded then.
+    while let Ok(pause) = farm.sweep().await {
+        tokio::select! {
+            () = sleep(pause) => {}
+            _ = stopping.wait_for(|stopping| *stopping) => return,
+        }
+    }
+}
+
+fn check_image_size(image: &Image) -> Result<(), CoordinatorError> {
+    let Image { width, height, .. } = *image;
+    let sample_bytes = match image.pixel {
+        Pixel::Half => 2,
+        Pixel::Float => 4,
+    };
+    // What does not compress is stored as it is.
+    let pixels = u64::from(width) * u64::from(height);
+    let bytes = 3 * sample_bytes * pixels + limits::IMAGE_OVERHEAD_BYTES_MAX;
+    if bytes > proto::limits::BLOB_BYTES_MAX {
+        return Err(CoordinatorError::ImageTooLarge {
+            width,
+            height,
+            bytes,
+        });
+    }
+    Ok(())
+}

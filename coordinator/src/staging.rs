@@ -1,0 +1,95 @@
+//! Which uploaded images wait for their completion, and what each says of itself.
+
+use crate::{
+    blobs::{Blobs, StagedFile},
+    limits,
+};
+use dataset::{Digest, ImageHeader};
+use std::{collections::HashMap, time::Duration};
+
+/// An accepted image that belongs to no completed material yet.
+pub(crate) struct StagedImage {
+    pub file: StagedFile,
+    pub bytes: u64,
+    pub header: ImageHeader,
+    pub since: Duration,
+    /// Part of a completion that is on its way to the disk.
+    pub publishing: bool,
+}
+
+/// The staged images of one coordinator.
+#[derive(Default)]
+pub(crate) struct Staging {
+    images: HashMap<Digest, StagedImage>,
+    // Bytes of images staged and of room reserved.
+    bytes: u64,
+}
+
+impl Staging {
+    /// Makes room for an image that is about to be checked and written. False when there is none.
+    pub fn reserve(&mut self, bytes: u64) -> bool {
+        let room = self.bytes + bytes <= limits::STAGED_BYTES_MAX;
+        if room {
+            self.bytes += bytes;
+        }
+        room
+    }
+
+    /// Gives reserved room back.
+    pub fn release(&mut self, bytes: u64) {
+        self.bytes -= bytes;
+    }
+
+    /// Puts an image into the room reserved for it. Where it was staged before, the one before
+    /// stays.
+    pub fn insert(&mut self, image: StagedImage, blobs: &Blobs) {
+        if self.images.contains_key(&image.file.digest) {
+            self.release(image.bytes);
+            blobs.discard(&image.file);
+        } else {
+            self.images.insert(image.file.digest, image);
+        }
+    }
+
+    pub fn get(&self, digest: &Digest) -> Option<&StagedImage> {
+        self.images.get(digest)
+    }
+
+    pub fn contains(&self, digest: &Digest) -> bool {
+        self.images.contains_key(digest)
+    }
+
+    /// Marks an image as part of a completion and returns its file.
+    pub fn begin_publishing(&mut self, digest: &Digest) -> Option<StagedFile> {
+        let image = self.images.get_mut(digest)?;
+        image.publishing = true;
+        Some(image.file.clone())
+    }
+
+    /// Forgets images that have been published.
+    pub fn published(&mut self, files: &[StagedFile]) {
+        for file in files {
+            if let Some(image) = self.images.remove(&file.digest) {
+                self.release(image.bytes);
+            }
+        }
+    }
+
+    /// Drops images whose completion never came.
+    pub fn drop_old(&mut self, now: Duration, blobs: &Blobs) {
+        let old: Vec<Digest> = self
+            .images
+            .iter()
+            .filter(|(_, image)| {
+                !image.publishing && now.saturating_sub(image.since) > limits::STAGED_AGE_MAX
+            })
+            .map(|(digest, _)| *digest)
+            .collect();
+        for digest in old {
+            if let Some(image) = self.images.remove(&digest) {
+                self.release(image.bytes);
+                blobs.discard(&image.file);
+            }
+        }
+    }
+}

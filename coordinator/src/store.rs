@@ -1,0 +1,389 @@
+//! A store: one folder with everything that is known of one dataset.
+//!
+//! ```text
+//! store.json           version of the layout, of the renderer, hash of the specification
+//! specification.json   the whole specification; its presence makes the folder a store
+//! completions.log      one line a completed material
+//! ledger/              jobs, completions, index of images
+//! blobs/ab/...exr      images by digest
+//! staging/             uploads under way
+//! lock                 held by the one process that writes
+//! ```
+//!
+//! The specification's hash leaves out its name and its number of materials, which change no
+//! image: a store can grow. It knows the largest number ever asked for; asking for fewer leaves it
+//! at that, and only means that whoever asks wants no more than those now.
+
+use crate::{
+    blobs::Blobs,
+    completion_log::Completions,
+    file_error::FileError,
+    ledger::LedgerError,
+    limits,
+    recovery::{Recovered, recover},
+};
+use dataset::{Digest, RENDERER_VERSION, Specification};
+use rustix::fs::{FlockOperation, flock};
+use serde::{Deserialize, Serialize};
+use std::{
+    fs::{self, File},
+    io::{self, Read, Write},
+    path::{Path, PathBuf},
+};
+use thiserror::Error;
+
+/// Version of the layout of a store.
+const LAYOUT: u32 = 1;
+
+/// Why a store cannot be used.
+#[derive(Debug, Error)]
+pub enum StoreError {
+    /// There is no store.
+    #[error("there is no store in {}: it has no specification.json", .0.display())]
+    Absent(PathBuf),
+    /// Another process writes to it.
+    #[error(
+        "another coordinator is using the store {}: wait until it ends, or choose another store",
+        .0.display()
+    )]
+    Locked(PathBuf),
+    /// It holds another dataset.
+    #[error(
+        "the store {} holds another dataset: its specification has the hash {found}, the one \
+         given has {given}; choose another store, or the specification it was made with",
+        path.display()
+    )]
+    Specification {
+        /// The store.
+        path: PathBuf,
+        /// The hash of the store's specification.
+        found: Digest,
+        /// The hash of the specification given.
+        given: Digest,
+    },
+    /// It was made by another renderer, whose images are not the same.
+    #[error(
+        "the store {} was made with renderer version {found}, and this is version \
+         {RENDERER_VERSION}: continue with the program that made it, or choose another store",
+        path.display()
+    )]
+    Renderer {
+        /// The store.
+        path: PathBuf,
+        /// The version that made it.
+        found: String,
+    },
+    /// A file of it cannot be understood.
+    #[error("{} is damaged: {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The ledger cannot be used.
+    #[error(transparent)]
+    Ledger(#[from] LedgerError),
+    /// The system would not do what was asked.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Identity {
+    layout: u32,
+    renderer_version: String,
+    specification_hash: Digest,
+}
+
+/// A store open for writing; no other process has it so.
+pub struct Store {
+    path: PathBuf,
+    specification: Specification,
+    specification_hash: Digest,
+    materials_asked: u32,
+    pub(crate) blobs: Blobs,
+    pub(crate) state: Recovered,
+    // Held for as long as the store is open.
+    lock: File,
+}
+
+impl Store {
+    /// Opens the store in a folder, or makes one, for a specification.
+    pub fn open_or_create(path: &Path, specification: &Specification) -> Result<Self, StoreError> {
+        fs::create_dir_all(path).map_err(FileError::new("make", path))?;
+        let lock = acquire(path)?;
+        let kept = match read_specification(path) {
+            Err(StoreError::Absent(_)) => {
+                create(path, specification)?;
+                specification.clone()
+            }
+            kept => grow(path, kept?, specification)?,
+        };
+        Self::open_locked(path, kept, specification.materials, lock)
+    }
+
+    /// Opens a store that is there, with the specification it was made with.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        // Before the lock, which would leave a file behind where there is no store.
+        read_specification(path)?;
+        let lock = acquire(path)?;
+        let kept = read_specification(path)?;
+        let materials = kept.materials;
+        Self::open_locked(path, kept, materials, lock)
+    }
+
+    fn open_locked(
+        path: &Path,
+        specification: Specification,
+        materials_asked: u32,
+        lock: File,
+    ) -> Result<Self, StoreError> {
+        let blobs = Blobs::new(path);
+        blobs.prepare()?;
+        let views = specification.views.len();
+        let state = recover(&path.join("ledger"), &log_path(path), &blobs, views)?;
+        // New folders and files are as durable as what will be put into them.
+        blobs.sync()?;
+        Ok(Self {
+            path: path.to_owned(),
+            specification_hash: specification.hash(),
+            specification,
+            materials_asked,
+            blobs,
+            state,
+            lock,
+        })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The specification; its number of materials is the largest ever asked for.
+    pub fn specification(&self) -> &Specification {
+        &self.specification
+    }
+
+    /// The specification's hash.
+    pub fn specification_hash(&self) -> Digest {
+        self.specification_hash
+    }
+
+    /// How many materials are wanted now: those from 0 to one less.
+    pub fn materials_asked(&self) -> u32 {
+        self.materials_asked
+    }
+
+    /// What had to be mended when the store was opened.
+    pub fn recovery(&self) -> &crate::Recovery {
+        &self.state.recovery
+    }
+
+    pub(crate) fn into_parts(self) -> (Blobs, Recovered, File) {
+        (self.blobs, self.state, self.lock)
+    }
+}
+
+/// A store open for reading, beside a coordinator at work or without one. Shows what was complete
+/// when it was opened.
+#[derive(Debug)]
+pub struct ReadOnlyStore {
+    path: PathBuf,
+    specification: Specification,
+    specification_hash: Digest,
+    completions: Option<Completions>,
+    pub(crate) blobs: Blobs,
+}
+
+impl ReadOnlyStore {
+    /// Opens the store in a folder.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let specification = read_specification(path)?;
+        let completions = match Completions::open(&log_path(path)) {
+            Err(error) if error.source.kind() == io::ErrorKind::NotFound => None,
+            completions => Some(completions?),
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            specification_hash: specification.hash(),
+            specification,
+            completions,
+            blobs: Blobs::new(path),
+        })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The specification; its number of materials is the largest ever asked for.
+    pub fn specification(&self) -> &Specification {
+        &self.specification
+    }
+
+    /// The specification's hash.
+    pub fn specification_hash(&self) -> Digest {
+        self.specification_hash
+    }
+
+    /// A material's completion, if it is complete.
+    pub fn completion(&self, material: u32) -> Result<Option<crate::Completion>, FileError> {
+        match &self.completions {
+            Some(completions) => completions.get(material),
+            None => Ok(None),
+        }
+    }
+
+    /// How many of the specification's materials are not complete.
+    pub fn materials_missing(&self) -> u32 {
+        let complete = self.completions.iter().flat_map(Completions::materials);
+        let materials = self.specification.materials;
+        materials - complete.filter(|material| *material < materials).count() as u32
+    }
+
+    /// How many lines of the completion log are damaged. Opening the store for writing adds what
+    /// they said again where the ledger knows it.
+    pub fn log_lines_damaged(&self) -> u64 {
+        self.completions
+            .as_ref()
+            .map_or(0, |completions| completions.bad_line_count)
+    }
+
+    /// Where an image is.
+    pub fn image_path(&self, digest: &Digest) -> PathBuf {
+        self.blobs.path(digest)
+    }
+}
+
+fn log_path(store: &Path) -> PathBuf {
+    store.join("completions.log")
+}
+
+fn acquire(store: &Path) -> Result<File, StoreError> {
+    let path = store.join("lock");
+    let file = File::options()
+        .create(true)
+        .truncate(false)
+        .write(true)
+        .open(&path)
+        .map_err(FileError::new("open", &path))?;
+    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => Ok(file),
+        Err(rustix::io::Errno::WOULDBLOCK) => Err(StoreError::Locked(store.to_owned())),
+        Err(error) => Err(FileError::new("lock", &path)(error.into()).into()),
+    }
+}
+
+/// The identity goes first: the folder is a store from the moment it has a specification.
+fn create(path: &Path, specification: &Specification) -> Result<(), StoreError> {
+    let identity = Identity {
+        layout: LAYOUT,
+        renderer_version: RENDERER_VERSION.to_owned(),
+        specification_hash: specification.hash(),
+    };
+    let json = serde_json::to_string_pretty(&identity)
+        .map_err(|error| damaged(&path.join("store.json"), error))?;
+    write_durably(&path.join("store.json"), json.as_bytes())?;
+    write_specification(path, specification)
+}
+
+fn grow(
+    path: &Path,
+    mut kept: Specification,
+    given: &Specification,
+) -> Result<Specification, StoreError> {
+    if kept.hash() != given.hash() {
+        return Err(StoreError::Specification {
+            path: path.to_owned(),
+            found: kept.hash(),
+            given: given.hash(),
+        });
+    }
+    if given.materials > kept.materials {
+        kept.materials = given.materials;
+        write_specification(path, &kept)?;
+    }
+    Ok(kept)
+}
+
+fn write_specification(store: &Path, specification: &Specification) -> Result<(), StoreError> {
+    let json = specification.to_json();
+    Ok(write_durably(
+        &store.join("specification.json"),
+        json.as_bytes(),
+    )?)
+}
+
+fn read_specification(store: &Path) -> Result<Specification, StoreError> {
+    let path = store.join("specification.json");
+    let json = match read_bounded(&path) {
+        Err(StoreError::File(error)) if error.source.kind() == io::ErrorKind::NotFound => {
+            return Err(StoreError::Absent(store.to_owned()));
+        }
+        json => json?,
+    };
+    let specification = Specification::from_json(&json).map_err(|error| damaged(&path, error))?;
+    let path = store.join("store.json");
+    let identity: Identity =
+        serde_json::from_str(&read_bounded(&path)?).map_err(|error| damaged(&path, error))?;
+    if identity.layout != LAYOUT {
+        let reason = format!(
+            "the store has layout {}, and this program knows layout {LAYOUT}",
+            identity.layout
+        );
+        return Err(damaged(&path, reason));
+    }
+    if identity.renderer_version != RENDERER_VERSION {
+        return Err(StoreError::Renderer {
+            path: store.to_owned(),
+            found: identity.renderer_version,
+        });
+    }
+    let hash = specification.hash();
+    if identity.specification_hash != hash {
+        let reason = format!(
+            "it names a specification of hash {}, but specification.json has {hash}",
+            identity.specification_hash
+        );
+        return Err(damaged(&path, reason));
+    }
+    Ok(specification)
+}
+
+fn read_bounded(path: &Path) -> Result<String, StoreError> {
+    let mut text = String::new();
+    File::open(path)
+        .and_then(|file| {
+            file.take(limits::SPECIFICATION_BYTES_MAX)
+                .read_to_string(&mut text)
+        })
+        .map_err(FileError::new("read", path))?;
+    Ok(text)
+}
+
+/// Writes beside, syncs, renames, syncs the folder: there is the file before or the file after.
+fn write_durably(path: &Path, content: &[u8]) -> Result<(), FileError> {
+    let beside = path.with_extension("json.new");
+    File::create(&beside)
+        .and_then(|mut file| {
+            file.write_all(content)?;
+            file.sync_all()
+        })
+        .and_then(|()| fs::rename(&beside, path))
+        .and_then(|()| match path.parent() {
+            Some(folder) => File::open(folder)?.sync_all(),
+            None => Ok(()),
+        })
+        .map_err(FileError::new("write", path))
+}
+
+fn damaged(path: &Path, reason: impl ToString) -> StoreError {
+    StoreError::Damaged {
+        path: path.to_owned(),
+        reason: reason.to_string(),
+    }
+}

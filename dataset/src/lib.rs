@@ -1,0 +1,34 @@
+//! What a dataset is: its specification, parameter space, sampling, views, labels, splits, colour
+//! and manifest rows. No I/O beyond the formats of its own types, no async, no Embree.
+//!
+//! Everything here is a pure function of a [`Specification`] and of indices, and gives the same
+//! bits on every machine: floating-point arithmetic is `+ - * / sqrt` and `libm`'s functions.
+//!
+//! | module | what |
+//! | --- | --- |
+//! | [`specification`] | reading, checking, writing and hashing what decides a dataset |
+//! | [`sobol`] | the ten coordinates of a material: an Owen-scrambled Sobol sequence |
+//! | [`colour`] | sRGB, linear Rec.709, CIELAB, and the bins that parameters are classified into |
+//! | [`view`] | where camera and bulb stand; the map from the film to the sample |
+//! | [`manifest`] | one row for an image, column by column |
+
+pub mod colour;
+mod digest;
+mod image_label;
+mod keystream;
+pub mod manifest;
+mod material;
+mod sampling;
+pub mod sobol;
+pub mod specification;
+mod split;
+pub mod view;
+
+pub use digest::{Digest, ParseDigestError};
+pub use image_label::{ErrorStatistics, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION};
+pub use manifest::{CompletedView, blob_path};
+pub use material::{Material, MaterialError};
+pub use sampling::SampledMaterial;
+pub use specification::{Specification, SpecificationError};
+pub use split::Split;
+pub use view::{ViewGeometry, sin_cos_deg};

@@ -1,0 +1,345 @@
+//! Which values a specification may have, each by itself and together.
+
+use super::{Checker, Light, Pixel, Specification, canonical::number_text, error::quoted, limits};
+use crate::view::{camera_position, light_position, sin_cos_deg};
+use std::{fmt::Display, ops::RangeInclusive};
+
+/// What [`check`] refuses.
+pub(super) struct Fault {
+    /// The keys that together cause it; the first is the one to name.
+    pub keys: Vec<String>,
+    /// The refused value, where one alone is to blame.
+    pub value: Option<String>,
+    /// What that value must be; without one, what the first key does and why it may not.
+    pub rule: String,
+}
+
+impl Fault {
+    fn of_value(key: &str, value: impl Display, rule: String) -> Self {
+        Self {
+            keys: vec![key.to_owned()],
+            value: Some(quoted(&value.to_string())),
+            rule,
+        }
+    }
+
+    fn of_keys<const N: usize>(keys: [String; N], rule: String) -> Self {
+        Self {
+            keys: keys.to_vec(),
+            value: None,
+            rule,
+        }
+    }
+}
+
+/// Checks everything. Each value is in range by itself before any are checked together.
+pub(super) fn check(specification: &Specification) -> Result<(), Fault> {
+    check_values(specification)?;
+    check_views(specification)?;
+    check_ranges(specification)?;
+    check_chart(specification)?;
+    check_half(specification)?;
+    check_scene(specification)
+}
+
+fn float(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Fault> {
+    // Neither infinities nor NaN are contained.
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let (low, high) = (number_text(*range.start()), number_text(*range.end()));
+    Err(Fault::of_value(key, value, format!("{low} to {high}")))
+}
+
+fn integer<T: PartialOrd + Display>(
+    key: &str,
+    value: T,
+    range: RangeInclusive<T>,
+) -> Result<(), Fault> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let rule = format!("{} to {}", range.start(), range.end());
+    Err(Fault::of_value(key, value, rule))
+}
+
+fn check_values(specification: &Specification) -> Result<(), Fault> {
+    check_name(&specification.name)?;
+    integer("seed", specification.seed, limits::SEED)?;
+    integer("materials", specification.materials, limits::MATERIALS)?;
+
+    let image = &specification.image;
+    integer("image.width", image.width, limits::IMAGE_SIDE_PIXELS)?;
+    integer("image.height", image.height, limits::IMAGE_SIDE_PIXELS)?;
+
+    let accuracy = &specification.accuracy;
+    float(
+        "accuracy.absolute",
+        accuracy.absolute,
+        limits::ACCURACY_ABSOLUTE,
+    )?;
+    float(
+        "accuracy.relative",
+        accuracy.relative,
+        limits::ACCURACY_RELATIVE,
+    )?;
+
+    let integrator = &specification.integrator;
+    let samples = integrator.samples_per_pixel;
+    if !samples.is_power_of_two() || !limits::SAMPLES_PER_PIXEL.contains(&samples) {
+        let (low, high) = limits::SAMPLES_PER_PIXEL.into_inner();
+        let rule = format!("a power of two, {low} to {high}");
+        return Err(Fault::of_value(
+            "integrator.samples_per_pixel",
+            samples,
+            rule,
+        ));
+    }
+    integer(
+        "integrator.max_bounces",
+        integrator.max_bounces,
+        limits::BOUNCES,
+    )?;
+
+    let camera = &specification.camera;
+    float("camera.distance_m", camera.distance_m, limits::DISTANCE_M)?;
+    float(
+        "camera.film_half_width",
+        camera.film_half_width,
+        limits::FILM_HALF_WIDTH,
+    )?;
+
+    let light = &specification.light;
+    float("light.distance_m", light.distance_m, limits::DISTANCE_M)?;
+    float("light.radius_m", light.radius_m, limits::LIGHT_RADIUS_M)?;
+    float("light.power_w", light.power_w, limits::LIGHT_POWER_W)?;
+    let efficacy = light.efficacy_lm_per_w;
+    float(
+        "light.efficacy_lm_per_w",
+        efficacy,
+        limits::LIGHT_EFFICACY_LM_PER_W,
+    )?;
+
+    float(
+        "sample.side_m",
+        specification.sample.side_m,
+        limits::SAMPLE_SIDE_M,
+    )?;
+
+    let checker = &specification.checker;
+    integer(
+        "checker.columns",
+        checker.columns,
+        limits::CHECKER_PATCHES_A_SIDE,
+    )?;
+    integer("checker.rows", checker.rows, limits::CHECKER_PATCHES_A_SIDE)?;
+    float("checker.pitch_m", checker.pitch_m, limits::CHECKER_PITCH_M)?;
+    let lower_edge_y_m = checker.lower_edge_y_m;
+    float(
+        "checker.lower_edge_y_m",
+        lower_edge_y_m,
+        limits::CHECKER_LOWER_EDGE_Y_M,
+    )?;
+    float(
+        "checker.tilt_deg",
+        checker.tilt_deg,
+        limits::CHECKER_TILT_DEG,
+    )
+}
+
+/// A name stands in file names, so it is plain.
+fn check_name(name: &str) -> Result<(), Fault> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    let starts_well = name.starts_with(|c: char| c.is_ascii_alphanumeric());
+    if starts_well && limits::NAME_CHARACTERS.contains(&name.len()) && name.chars().all(plain) {
+        return Ok(());
+    }
+    let (low, high) = limits::NAME_CHARACTERS.into_inner();
+    let rule = format!(
+        "{low} to {high} of the characters a-z A-Z 0-9 - _ . and start with a letter or digit"
+    );
+    Err(Fault::of_value("name", format!("{name:?}"), rule))
+}
+
+fn check_views(specification: &Specification) -> Result<(), Fault> {
+    let count = specification.views.len();
+    if !limits::VIEWS.contains(&count) {
+        let (low, high) = limits::VIEWS.into_inner();
+        let rule = format!("has {count} entries, but must have {low} to {high}");
+        return Err(Fault::of_keys(["views".to_owned()], rule));
+    }
+    for (place, view) in specification.views.iter().enumerate() {
+        let key = |field: &str| format!("views[{place}].{field}");
+        let (camera, light) = (view.camera_elevation_deg, view.light_elevation_deg);
+        float(&key("camera_elevation_deg"), camera, limits::ELEVATION_DEG)?;
+        float(&key("light_elevation_deg"), light, limits::ELEVATION_DEG)?;
+        float(
+            &key("rotation_deg"),
+            view.rotation_deg,
+            limits::ROTATION_DEG,
+        )?;
+    }
+    Ok(())
+}
+
+fn check_ranges(specification: &Specification) -> Result<(), Fault> {
+    let parameters = &specification.parameters;
+    let ranges = [
+        ("roughness", parameters.roughness, limits::ROUGHNESS_PERCENT),
+        ("anisotropy", parameters.anisotropy, limits::ANISOTROPY),
+        ("angle_deg", parameters.angle_deg, limits::ANGLE_DEG),
+        ("ior", parameters.ior, limits::IOR),
+    ];
+    for (name, [low, high], allowed) in ranges {
+        let key = format!("parameters.{name}");
+        float(&format!("{key}[0]"), low, allowed.clone())?;
+        float(&format!("{key}[1]"), high, allowed)?;
+        if low > high {
+            let rule = format!(
+                "runs from {} down to {}, but the lower end must come first",
+                number_text(low),
+                number_text(high)
+            );
+            return Err(Fault::of_keys([key], rule));
+        }
+    }
+    Ok(())
+}
+
+/// The chart has a colour for every patch.
+fn check_chart(specification: &Specification) -> Result<(), Fault> {
+    let Checker {
+        columns,
+        rows,
+        patches_srgb8,
+        ..
+    } = &specification.checker;
+    let count = patches_srgb8.len();
+    if count == (columns * rows) as usize {
+        return Ok(());
+    }
+    Err(Fault::of_keys(
+        ["patches_srgb8", "columns", "rows"].map(|field| format!("checker.{field}")),
+        format!(
+            "must have {} colours, for {columns} columns of {rows} rows, but has {count}",
+            columns * rows
+        ),
+    ))
+}
+
+/// No pixel is brighter than the bulb itself, whose radiance is (D / r)^2 of white.
+fn check_half(specification: &Specification) -> Result<(), Fault> {
+    let Light {
+        distance_m,
+        radius_m,
+        ..
+    } = specification.light;
+    let ratio = distance_m / radius_m;
+    let max = limits::HALF_RADIANCE_MAX;
+    if specification.image.pixel == Pixel::Float || ratio * ratio <= max {
+        return Ok(());
+    }
+    let rule = format!(
+        "is so small that the bulb, (distance_m / radius_m)^2 = {} times white, is brighter than \
+         a half float holds ({max}); make it larger or set image.pixel to \"float\"",
+        number_text((ratio * ratio).round()),
+    );
+    let keys = ["light.radius_m", "light.distance_m", "image.pixel"];
+    Err(Fault::of_keys(keys.map(str::to_owned), rule))
+}
+
+/// What stands in the scene of each view does not touch, and the chart shades nothing.
+fn check_scene(specification: &Specification) -> Result<(), Fault> {
+    let (camera, light) = (&specification.camera, &specification.light);
+    for (place, view) in specification.views.iter().enumerate() {
+        let view_key = |field: &str| format!("views[{place}].{field}");
+        let bulb = light_position(light.distance_m, view.light_elevation_deg);
+        let light_keys = [
+            view_key("light_elevation_deg"),
+            "light.radius_m".to_owned(),
+            "light.distance_m".to_owned(),
+        ];
+        if bulb[2] <= light.radius_m {
+            let rule = format!(
+                "puts the bulb's centre {} m above the sample's plane, but its radius is {} m; the \
+                 bulb must be clear of the plane",
+                number_text(bulb[2]),
+                number_text(light.radius_m),
+            );
+            return Err(Fault::of_keys(light_keys, rule));
+        }
+        let eye = camera_position(camera.distance_m, view.camera_elevation_deg);
+        if distance(eye, bulb) <= light.radius_m {
+            let [light_elevation, radius, light_distance] = light_keys;
+            let keys = [
+                view_key("camera_elevation_deg"),
+                light_elevation,
+                "camera.distance_m".to_owned(),
+                radius,
+                light_distance,
+            ];
+            let rule = "puts the camera inside the bulb; move one of them".to_owned();
+            return Err(Fault::of_keys(keys, rule));
+        }
+        if view.checker {
+            let checker_key = view_key("checker");
+            check_chart_stands_clear(specification, checker_key.clone())?;
+            check_chart_faces_bulb(specification, bulb, checker_key, light_keys)?;
+        }
+    }
+    Ok(())
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let [x, y, z]: [f64; 3] = std::array::from_fn(|axis| a[axis] - b[axis]);
+    (x * x + y * y + z * z).sqrt()
+}
+
+fn check_chart_stands_clear(
+    specification: &Specification,
+    checker_key: String,
+) -> Result<(), Fault> {
+    let half_side_m = specification.sample.side_m / 2.0;
+    let edge_y_m = specification.checker.lower_edge_y_m;
+    if edge_y_m >= half_side_m {
+        return Ok(());
+    }
+    let keys = [
+        "checker.lower_edge_y_m".to_owned(),
+        "sample.side_m".to_owned(),
+        checker_key,
+    ];
+    let rule = format!(
+        "is {}, but must be at least half the sample's side, {}, or the chart cuts the sample",
+        number_text(edge_y_m),
+        number_text(half_side_m),
+    );
+    Err(Fault::of_keys(keys, rule))
+}
+
+/// The whole bulb stands in front of the chart's plane. The sample does too, so nothing between
+/// them crosses it: the chart never shades the sample, and the bulb lights all of the chart.
+fn check_chart_faces_bulb(
+    specification: &Specification,
+    bulb: [f64; 3],
+    checker_key: String,
+    [light_elevation, radius, distance]: [String; 3],
+) -> Result<(), Fault> {
+    let checker = &specification.checker;
+    let (sine, cosine) = sin_cos_deg(checker.tilt_deg);
+    let in_front_m = sine * (checker.lower_edge_y_m - bulb[1]) + cosine * bulb[2];
+    if in_front_m > specification.light.radius_m {
+        return Ok(());
+    }
+    let keys = [
+        checker_key,
+        light_elevation,
+        "checker.tilt_deg".to_owned(),
+        radius,
+        distance,
+    ];
+    let rule = "puts the bulb on or behind the plane of the chart, which would shade the sample; \
+                raise the light, lower checker.tilt_deg or leave the chart out"
+        .to_owned();
+    Err(Fault::of_keys(keys, rule))
+}

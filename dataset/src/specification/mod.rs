@@ -1,0 +1,209 @@
+//! The specification: everything that decides a dataset, as TOML.
+//!
+//! Fields, defaults and units stand in `maxbrdf.toml`, the built-in preset; a file names only what
+//! differs from it. Lengths are in metres, angles in degrees, powers in watts.
+
+mod canonical;
+mod check;
+mod error;
+mod fields;
+pub mod limits;
+mod read;
+mod suggest;
+
+pub use error::{Place, SpecificationError};
+
+use crate::{SampledMaterial, Split, sampling, split};
+use serde::{Deserialize, Serialize};
+
+/// A complete, checked dataset specification: [`Specification::preset`],
+/// [`Specification::from_toml`], [`Specification::load`] and [`Specification::from_json`] give only
+/// values that are in range. Plain deserialisation and changes of fields check nothing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Specification {
+    /// What the set is called: 1 to 64 of `a-z A-Z 0-9 - _ .`, starting with a letter or digit.
+    pub name: String,
+    /// Seeds parameters, splits and light-path sampling. At most 2^63 - 1, TOML's largest integer.
+    pub seed: u64,
+    /// How many materials the set has; the first n do not depend on it.
+    pub materials: u32,
+    /// How Fresnel's luminance and the reflectance's colour combine.
+    pub tint: Tint,
+    /// The film.
+    pub image: Image,
+    /// The error allowed in a pixel.
+    pub accuracy: Accuracy,
+    /// How light paths are summed.
+    pub integrator: Integrator,
+    /// The box that materials are sampled from.
+    pub parameters: Parameters,
+    /// Where the cameras stand.
+    pub camera: Camera,
+    /// The bulb.
+    pub light: Light,
+    /// The flat sample of the material.
+    pub sample: Sample,
+    /// The colour chart.
+    pub checker: Checker,
+    /// The views of every material, in order.
+    pub views: Vec<View>,
+}
+
+impl Specification {
+    /// Material `index`: a pure function of the index, the seed and the ranges of the parameters,
+    /// defined for every index, whatever `materials` says. So the first n materials of a set are
+    /// the set of n.
+    pub fn material(&self, index: u32) -> SampledMaterial {
+        sampling::sample(self.seed, &self.parameters, index)
+    }
+
+    /// The split of material `index`: a pure function of the index and the seed. Of materials 6k to
+    /// 6k + 5 four train, one validates and one tests.
+    pub fn split(&self, index: u32) -> Split {
+        split::split(self.seed, index)
+    }
+}
+
+/// How the tint of a reflection is formed from Fresnel's reflectance and the two colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Tint {
+    /// Fresnel's luminance with the chromaticity of the reflectance colour (Maxwell's Force Fresnel).
+    Hue,
+    /// The product of both, equation 2 of the paper as printed.
+    Product,
+}
+
+/// The film's size in pixels and the type of its pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Image {
+    /// Pixels a row, 1 to 4,096.
+    pub width: u32,
+    /// Rows, 1 to 4,096.
+    pub height: u32,
+    /// The type that pixels are stored in.
+    pub pixel: Pixel,
+}
+
+/// The type that pixels are stored in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pixel {
+    /// 16-bit floats.
+    Half,
+    /// 32-bit floats.
+    Float,
+}
+
+/// The error allowed in a pixel: the larger of both bounds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Accuracy {
+    /// In units of white.
+    pub absolute: f64,
+    /// As a fraction of the pixel's largest channel.
+    pub relative: f64,
+}
+
+/// How light paths are summed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Integrator {
+    /// Which method.
+    pub kind: IntegratorKind,
+    /// Camera rays a pixel: a power of two, 16 to 1,048,576.
+    pub samples_per_pixel: u32,
+    /// The most surface hits along a path, 1 to 16.
+    pub max_bounces: u32,
+}
+
+/// The methods of summing light paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IntegratorKind {
+    /// Path tracing with next-event estimation and multiple importance sampling.
+    Path,
+}
+
+/// Ranges of the sampled parameters, each `[low, high)`; `low == high` fixes one. The six colour
+/// channels are always sampled over sRGB-encoded 0 to 1.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameters {
+    /// Roughness in percent, within 0 to 100.
+    pub roughness: [f64; 2],
+    /// Anisotropy, within 0 to 1.
+    pub anisotropy: [f64; 2],
+    /// Anisotropy angle in degrees, within 0 to 180.
+    pub angle_deg: [f64; 2],
+    /// Index of refraction, within 1 to 10.
+    pub ior: [f64; 2],
+}
+
+/// A pinhole camera on the -y side that looks at the origin; up is +z, or +y from straight above.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Camera {
+    /// From the origin.
+    pub distance_m: f64,
+    /// Half the film's width at unit distance: the tangent of half the horizontal field of view.
+    pub film_half_width: f64,
+}
+
+/// A spherical bulb on the +y side, uniform and white.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Light {
+    /// From the origin to the bulb's centre.
+    pub distance_m: f64,
+    /// The bulb's radius.
+    pub radius_m: f64,
+    /// Electrical power.
+    pub power_w: f64,
+    /// Luminous flux for each watt.
+    pub efficacy_lm_per_w: f64,
+}
+
+/// The square sample in z = 0, centred at the origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sample {
+    /// The square's side.
+    pub side_m: f64,
+}
+
+/// The colour chart: Lambertian patches on a plane beyond the sample that rises away from it,
+/// centred at x = 0, its lower edge at z = 0; its back is black.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Checker {
+    /// Patches along x.
+    pub columns: u32,
+    /// Patches up the plane.
+    pub rows: u32,
+    /// The side of a patch.
+    pub pitch_m: f64,
+    /// Where the lower edge stands; it has to clear the sample.
+    pub lower_edge_y_m: f64,
+    /// The plane's angle above the horizontal, 0 to 90.
+    pub tilt_deg: f64,
+    /// `rows * columns` colours, 8-bit sRGB: far row first, each row from -x to +x.
+    pub patches_srgb8: Vec<[u8; 3]>,
+}
+
+/// One view of a material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct View {
+    /// The camera's elevation above the sample's plane, above 0 to 90.
+    pub camera_elevation_deg: f64,
+    /// The bulb's elevation, above 0 to 90.
+    pub light_elevation_deg: f64,
+    /// How far the material's frame is turned, counter-clockwise about the normal; the square
+    /// stays put.
+    pub rotation_deg: f64,
+    /// Whether the chart is in the scene.
+    pub checker: bool,
+}

@@ -1,0 +1,246 @@
+//! The scene of one view: bulb, sample, perhaps a chart, and the camera.
+
+use crate::geometry::{
+    BackendChoice, Geometry, GeometryError, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
+};
+use crate::vector::Vec3;
+use dataset::specification::{Checker, Specification};
+
+// The sample is primitive 0.
+const BULB: PrimitiveId = PrimitiveId(1);
+const CHART: PrimitiveId = PrimitiveId(2);
+
+/// A view's scene. Radiance is in units of white: that of a perfect diffuser at the origin which
+/// faces the bulb.
+#[derive(Debug)]
+pub struct Scene {
+    /// The bulb.
+    pub bulb: Bulb,
+    /// Who can be hit.
+    pub geometry: Geometry,
+    /// The camera.
+    pub camera: PinholeCamera,
+    chart: Option<Chart>,
+}
+
+/// The spherical emitter.
+#[derive(Clone, Copy, Debug)]
+pub struct Bulb {
+    /// Its centre.
+    pub centre: Vec3,
+    /// Its radius.
+    pub radius: f64,
+    /// Its radiance. The irradiance at the origin is pi L (r/d)^2, so L = (d/r)^2 makes white 1.
+    pub radiance: f64,
+}
+
+/// The rays of a pinhole camera.
+#[derive(Clone, Copy, Debug)]
+pub struct PinholeCamera {
+    position: Vec3,
+    forward: Vec3,
+    /// A pixel to the right, at unit distance.
+    column_step: Vec3,
+    /// A pixel down, at unit distance.
+    row_step: Vec3,
+    /// The film's width and height in pixels.
+    size: [u32; 2],
+}
+
+impl PinholeCamera {
+    /// The ray through the film point (column, row) in pixels from the upper left corner.
+    pub fn ray(&self, column: f64, row: f64) -> Ray {
+        let [width, height] = self.size.map(f64::from);
+        let direction = self.forward
+            + self.column_step * (column - 0.5 * width)
+            + self.row_step * (row - 0.5 * height);
+        Ray {
+            origin: self.position,
+            direction: direction.normalized(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Chart {
+    frame: Frame,
+    columns: u32,
+    rows: u32,
+    /// Linear Rec.709, far row first.
+    patches: Vec<[f64; 3]>,
+}
+
+impl Chart {
+    /// The reflectance at (u, v) of the panel, v rising away from the sample.
+    fn colour(&self, u: f64, v: f64) -> [f64; 3] {
+        let cell =
+            |position: f64, count: u32| ((position * f64::from(count)) as u32).min(count - 1);
+        let row = self.rows - 1 - cell(v, self.rows);
+        self.patches[(row * self.columns + cell(u, self.columns)) as usize]
+    }
+}
+
+/// A right-handed orthonormal frame, z the normal of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    x: Vec3,
+    y: Vec3,
+    z: Vec3,
+}
+
+impl Frame {
+    /// The frame of the sample: the world's.
+    const WORLD: Self = Self {
+        x: Vec3::new(1.0, 0.0, 0.0),
+        y: Vec3::new(0.0, 1.0, 0.0),
+        z: Vec3::new(0.0, 0.0, 1.0),
+    };
+
+    /// A world direction in the frame.
+    pub fn to_local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+    }
+
+    /// A direction of the frame in the world.
+    pub fn to_world(&self, v: Vec3) -> Vec3 {
+        self.x * v.x + self.y * v.y + self.z * v.z
+    }
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy, Debug)]
+pub enum Encounter {
+    /// The bulb.
+    Bulb,
+    /// A surface that scatters, seen from its front.
+    Surface(Surface),
+    /// The black back of the sample or the chart.
+    Black,
+}
+
+/// A point of a scattering surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// Where.
+    pub position: Vec3,
+    /// The frame there.
+    pub frame: Frame,
+    /// On which primitive; a ray that leaves it cannot meet it again.
+    pub primitive: PrimitiveId,
+    /// The patch's colour on the chart, none on the sample.
+    pub patch: Option<[f64; 3]>,
+}
+
+impl Scene {
+    /// The scene of view `view` of `specification`, or `None` where it has no such view.
+    pub fn new(
+        specification: &Specification,
+        view: usize,
+        backend: BackendChoice,
+    ) -> Option<Result<Self, GeometryError>> {
+        let placement = specification.view_geometry(view)?;
+        let bulb = Bulb {
+            centre: placement.light_position.into(),
+            radius: specification.light.radius_m,
+            radiance: {
+                let ratio = specification.light.distance_m / specification.light.radius_m;
+                ratio * ratio
+            },
+        };
+        let side = specification.sample.side_m;
+        let sample = Rectangle::new(
+            Vec3::new(-0.5 * side, -0.5 * side, 0.0),
+            Frame::WORLD.x,
+            Frame::WORLD.y,
+            side,
+            side,
+        );
+        let mut primitives = vec![
+            Primitive::Rectangle(sample),
+            Primitive::Sphere(Sphere {
+                centre: bulb.centre,
+                radius: bulb.radius,
+            }),
+        ];
+        let chart = specification.views[view].checker.then(|| {
+            let (panel, chart) = chart(&specification.checker);
+            primitives.push(Primitive::Rectangle(panel));
+            chart
+        });
+        let axis = |index: usize| {
+            Vec3::from(std::array::from_fn(|row| {
+                placement.world_from_camera[row][index]
+            }))
+        };
+        let pixel =
+            2.0 * specification.camera.film_half_width / f64::from(specification.image.width);
+        let camera = PinholeCamera {
+            position: placement.camera_position.into(),
+            forward: -axis(2),
+            column_step: axis(0) * pixel,
+            row_step: -axis(1) * pixel,
+            size: [specification.image.width, specification.image.height],
+        };
+        Some(Geometry::new(primitives, backend).map(|geometry| Self {
+            bulb,
+            geometry,
+            camera,
+            chart,
+        }))
+    }
+
+    /// What `ray` meets first; `from` is the surface it leaves.
+    pub fn encounter(&self, ray: &Ray, from: Option<PrimitiveId>) -> Option<Encounter> {
+        let hit = self.geometry.intersect(ray, from)?;
+        let (frame, patch) = match (hit.primitive, &self.chart) {
+            (BULB, _) => return Some(Encounter::Bulb),
+            (CHART, Some(chart)) => (chart.frame, Some(chart.colour(hit.u, hit.v))),
+            _ => (Frame::WORLD, None),
+        };
+        if ray.direction.dot(frame.z) >= 0.0 {
+            return Some(Encounter::Black);
+        }
+        Some(Encounter::Surface(Surface {
+            position: ray.origin + ray.direction * hit.distance,
+            frame,
+            primitive: hit.primitive,
+            patch,
+        }))
+    }
+
+    /// Whether anything stands between a surface and the bulb, `distance` along `ray`. Alone, a
+    /// sample hides nothing from itself, and no ray is traced.
+    pub fn shadowed(&self, ray: &Ray, from: PrimitiveId, distance: f64) -> bool {
+        self.chart.is_some()
+            && self
+                .geometry
+                .occluded(ray, Some(from), Some(BULB), distance)
+    }
+}
+
+/// The chart's panel and its colours.
+fn chart(checker: &Checker) -> (Rectangle, Chart) {
+    let (sin, cos) = dataset::sin_cos_deg(checker.tilt_deg);
+    let width = checker.pitch_m * f64::from(checker.columns);
+    let height = checker.pitch_m * f64::from(checker.rows);
+    let frame = Frame {
+        x: Vec3::new(1.0, 0.0, 0.0),
+        y: Vec3::new(0.0, cos, sin),
+        z: Vec3::new(0.0, -sin, cos),
+    };
+    let corner = Vec3::new(-0.5 * width, checker.lower_edge_y_m, 0.0);
+    let patches = checker
+        .patches_srgb8
+        .iter()
+        .map(|patch| patch.map(|code| dataset::colour::linear_from_srgb(f64::from(code) / 255.0)))
+        .collect();
+    (
+        Rectangle::new(corner, frame.x, frame.y, width, height),
+        Chart {
+            frame,
+            columns: checker.columns,
+            rows: checker.rows,
+            patches,
+        },
+    )
+}

@@ -1,0 +1,91 @@
+//! `brdfarm coordinator serve`: the coordinator alone.
+
+use crate::{shutdown, specification};
+use clap::{Args, Subcommand};
+use coordinator::{Coordinator, Policy, Store};
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What a coordinator can be told.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Hand out jobs to workers and keep what they render
+    Serve(Options),
+}
+
+/// Serves until it is asked to stop, or until the dataset is complete with --exit-when-complete.
+///
+/// A store that exists is resumed; asking for more materials grows it.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    specification: specification::SetOptions,
+    /// The folder that images, labels and ledger live in
+    #[arg(long, default_value = "store", value_name = "DIR")]
+    store: PathBuf,
+    /// Where to listen; port 0 takes a free one and prints it
+    #[arg(long, default_value = "127.0.0.1:7117", value_name = "ADDRESS")]
+    listen: SocketAddr,
+    /// Allow an address that other machines reach, without encryption and without tokens
+    #[arg(long)]
+    insecure: bool,
+    /// How long a worker may be silent before its work is given to others
+    #[arg(long, default_value_t = coordinator::limits::LEASE.as_secs(), value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=86_400))]
+    lease_seconds: u64,
+    /// End once every material is complete
+    #[arg(long)]
+    exit_when_complete: bool,
+}
+
+/// Serves.
+pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
+    let specification = options.specification.load()?;
+    let store = Store::open_or_create(&options.store, &specification)?;
+    let runtime = tokio::runtime::Runtime::new()?;
+    runtime.block_on(serve(options, store))
+}
+
+async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
+    let coordinator = Coordinator::start(
+        store,
+        coordinator::Options {
+            listen: options.listen,
+            insecure: options.insecure,
+            policy: Policy {
+                lease: Duration::from_secs(options.lease_seconds),
+                ..Policy::default()
+            },
+            ..coordinator::Options::default()
+        },
+    )
+    .await?;
+    writeln!(io::stdout(), "listening on {}", coordinator.url())?;
+    let outcome = tokio::select! {
+        asked = shutdown::requested() => asked.map_err(anyhow::Error::from),
+        error = coordinator.failed() => Err(error.into()),
+        finished = coordinator.wait_until_finished(), if options.exit_when_complete => {
+            finished.map_err(anyhow::Error::from).and_then(|progress| {
+                anyhow::ensure!(
+                    progress.counts.set_aside == 0,
+                    "{} materials failed too often and were set aside",
+                    progress.counts.set_aside
+                );
+                Ok(())
+            })
+        }
+    };
+    let progress = *coordinator.progress().borrow();
+    coordinator.shutdown().await;
+    writeln!(
+        io::stdout(),
+        "{} of {} materials complete, {} images in {}",
+        progress.counts.completed,
+        progress.counts.materials,
+        progress.images,
+        options.store.display()
+    )?;
+    outcome
+}

@@ -1,0 +1,25 @@
+//! `brdfarm dataset specification`.
+
+use crate::specification;
+use clap::Args;
+use std::io::{self, Write};
+
+/// Prints every field of a specification, those of the preset that it leaves out too, and the hash
+/// that stands in every image and manifest row.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    specification: specification::SetOptions,
+}
+
+/// Prints it.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let specification = options.specification.load()?;
+    write!(
+        io::stdout(),
+        "# hash {}\n{}",
+        specification.hash(),
+        specification.to_toml()
+    )?;
+    Ok(())
+}

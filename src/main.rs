@@ -1,0 +1,73 @@
+//! The command: one file a subcommand, no logic of its own.
+
+mod brdf;
+mod completions;
+mod coordinator_serve;
+mod dataset_command;
+mod failure;
+mod picture;
+mod progress;
+mod render;
+mod run;
+mod shutdown;
+mod specification;
+mod telemetry;
+mod worker_connect;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Renders labelled material datasets.
+///
+/// Materials are sampled from the ten parameters of an anisotropic reflectance model, rendered
+/// from fourteen views with a measured error, and kept in a content-addressed store. Any image can
+/// be rendered again, byte for byte, from its seed and index.
+#[derive(Debug, Parser)]
+#[command(
+    name = "brdfarm",
+    version,
+    propagate_version = true,
+    max_term_width = 100,
+    after_help = "Exit codes: 0 done, 1 failed, 2 the input or the command line is wrong."
+)]
+struct Cli {
+    #[command(flatten)]
+    telemetry: telemetry::LogOptions,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Render a dataset on this machine: coordinator and workers in one process
+    Run(run::Options),
+    /// The part that hands out jobs and keeps the store
+    #[command(subcommand)]
+    Coordinator(coordinator_serve::Command),
+    /// The part that renders
+    #[command(subcommand)]
+    Worker(worker_connect::Command),
+    /// Look at a store, check it, take its labels out
+    #[command(subcommand)]
+    Dataset(dataset_command::Command),
+    /// Render one view of a material and write or check it
+    Render(render::Options),
+    /// Evaluate the reflectance model for JSON lines on standard input
+    Brdf(brdf::Options),
+    /// Print a completion script for a shell
+    Completions(completions::Options),
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let outcome = telemetry::start(&cli.telemetry).and_then(|()| match cli.command {
+        Command::Run(options) => run::execute(&options),
+        Command::Coordinator(command) => coordinator_serve::execute(&command),
+        Command::Worker(command) => worker_connect::execute(&command),
+        Command::Dataset(command) => dataset_command::execute(&command),
+        Command::Render(options) => render::execute(&options),
+        Command::Brdf(options) => brdf::execute(&options),
+        Command::Completions(options) => completions::execute(&options),
+    });
+    failure::exit_code(outcome)
+}

@@ -1,0 +1,212 @@
+//! `brdfarm run`: coordinator and workers in one process.
+
+use crate::dataset_command::{show, verify};
+use crate::progress::FarmBar;
+use crate::{shutdown, specification};
+use clap::Args;
+use coordinator::export::{Format, export};
+use coordinator::{Coordinator, Progress, ReadOnlyStore, RunningCoordinator, Store};
+use renderer::geometry::BackendChoice;
+use std::io::{self, Write};
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::thread::available_parallelism;
+use std::time::{Duration, Instant};
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+use worker::{RenderFailure, RendererBackend, Worker, WorkerError};
+
+/// Materials on the contact sheet that a run ends with.
+const SHEET_MATERIALS_MAX: u32 = 12;
+
+/// Renders a dataset on this machine, checks every image, and writes a manifest and a contact
+/// sheet.
+///
+/// The same command again resumes where it was stopped, and says so when there is nothing to do;
+/// with more --materials it adds to what is there.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    specification: specification::SetOptions,
+    /// The folder that images, labels and ledger live in
+    #[arg(long, default_value = "store", value_name = "DIR")]
+    store: PathBuf,
+    /// Workers, each rendering one material at a time; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    workers: usize,
+    /// How rays are traced, which changes no byte: auto, native, embree
+    #[arg(long, default_value = "auto")]
+    backend: BackendChoice,
+}
+
+/// What rendering came to.
+struct Rendered {
+    progress: Progress,
+    images_before: u64,
+    elapsed: Duration,
+    stopped: bool,
+}
+
+/// Renders, checks and sums up.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let specification = options.specification.load()?;
+    let store = Store::open_or_create(&options.store, &specification)?;
+    let cores = available_parallelism().map_or(1, NonZero::get);
+    let workers = if options.workers == 0 {
+        cores
+    } else {
+        options.workers
+    };
+    let runtime = tokio::runtime::Runtime::new()?;
+    let rendered = runtime.block_on(render(options, store, workers, cores))?;
+    drop(runtime);
+
+    let progress = rendered.progress;
+    let images = progress.images - rendered.images_before;
+    anyhow::ensure!(
+        !rendered.stopped,
+        "stopped with {} of {} materials complete: the same command goes on from there",
+        progress.counts.completed,
+        progress.counts.materials
+    );
+    anyhow::ensure!(
+        progress.counts.set_aside == 0,
+        "{} of {} materials failed too often and were set aside (--log warn tells why): the same \
+         command tries them again",
+        progress.counts.set_aside,
+        progress.counts.materials
+    );
+    let mut out = io::stdout();
+    if images == 0 {
+        writeln!(
+            out,
+            "nothing to do: all {} materials ({} images) are complete",
+            progress.counts.materials, progress.images
+        )?;
+    } else {
+        let seconds = rendered.elapsed.as_secs_f64();
+        writeln!(
+            out,
+            "rendered {images} images in {seconds:.1} s: {:.1} images/s with {workers} workers, \
+             {:.1} MB",
+            images as f64 / seconds,
+            progress.bytes_received as f64 / 1e6
+        )?;
+    }
+    let store = ReadOnlyStore::open(&options.store)?;
+    if images > 0 {
+        verify::check(&store, cores)?;
+    }
+    sum_up(&store, &options.store, &mut out)
+}
+
+/// Writes the manifest and the contact sheet where they are missing or no longer tell the truth,
+/// and says where everything is.
+fn sum_up(store: &ReadOnlyStore, path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
+    let manifest = path.join("manifest.parquet");
+    // A store that was asked for more before holds more than this run wanted.
+    let exported = export(store, Format::Parquet, true, &manifest)?;
+    let materials = store.specification().materials.min(SHEET_MATERIALS_MAX);
+    let sheet = path.join("contact-sheet.png");
+    let materials: Vec<u32> = (0..materials).collect();
+    let views: Vec<u32> = (0..store.specification().views.len() as u32).collect();
+    show::write_sheet(store, &materials, &views, 0.0, &sheet)?;
+    writeln!(out, "store          {}", path.display())?;
+    writeln!(
+        out,
+        "manifest       {} ({} rows)",
+        manifest.display(),
+        exported.rows
+    )?;
+    writeln!(out, "contact sheet  {}", sheet.display())?;
+    Ok(())
+}
+
+async fn render(
+    options: &Options,
+    store: Store,
+    workers: usize,
+    cores: usize,
+) -> anyhow::Result<Rendered> {
+    let materials = store.materials_asked();
+    let views = store.specification().views.len() as u64;
+    let coordinator = Coordinator::start(store, coordinator::Options::default()).await?;
+    let before = *coordinator.progress().borrow();
+    let started = Instant::now();
+    if before.is_finished() {
+        coordinator.shutdown().await;
+        return Ok(Rendered {
+            progress: before,
+            images_before: before.images,
+            elapsed: started.elapsed(),
+            stopped: false,
+        });
+    }
+    let bar = FarmBar::new(u64::from(materials) * views, before.images);
+    let (stop, stopping) = shutdown::flag();
+    let mut working = JoinSet::new();
+    for index in 0..workers {
+        let url = coordinator.url();
+        let worker_options = worker::Options {
+            name: format!("local-{index}"),
+            threads: (cores / workers).max(1),
+            ..worker::Options::default()
+        };
+        working.spawn(work(url, worker_options, options.backend, stopping.clone()));
+    }
+    let outcome = attend(&coordinator, &mut working, &bar).await;
+    stop.send_replace(true);
+    while working.join_next().await.is_some() {}
+    bar.clear();
+    let progress = *coordinator.progress().borrow();
+    for (material, errors) in coordinator.set_aside() {
+        tracing::warn!(material, ?errors, "set aside");
+    }
+    coordinator.shutdown().await;
+    Ok(Rendered {
+        progress,
+        images_before: before.images,
+        elapsed: started.elapsed(),
+        stopped: outcome?,
+    })
+}
+
+async fn work(
+    url: String,
+    options: worker::Options,
+    backend: BackendChoice,
+    stopping: watch::Receiver<bool>,
+) -> Result<(), WorkerError> {
+    let worker = Worker::connect(&url, options, move |specification| {
+        RendererBackend::new(specification, backend)
+            .map_err(|error| RenderFailure(error.to_string()))
+    })
+    .await?;
+    worker.run(stopping).await.map(|_| ())
+}
+
+/// Shows how far the farm is until it is finished (false) or somebody asks it to stop (true).
+async fn attend(
+    coordinator: &RunningCoordinator,
+    working: &mut JoinSet<Result<(), WorkerError>>,
+    bar: &FarmBar,
+) -> anyhow::Result<bool> {
+    let mut progress = coordinator.progress();
+    let finished = coordinator.wait_until_finished();
+    let asked = shutdown::requested();
+    tokio::pin!(finished, asked);
+    loop {
+        tokio::select! {
+            outcome = &mut finished => {
+                bar.show(&outcome?);
+                return Ok(false);
+            }
+            asked = &mut asked => {
+                asked?;
+                return Ok(true);
+            }
+            Ok(()) = progress.changed() => bar.show(&progress.borrow_and_update()),
+            Some(ended) = working.join_next() => ended??,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Which specification a command works on.
+
+use crate::failure::BadInput;
+use clap::Args;
+use dataset::{Specification, specification::limits};
+use std::path::PathBuf;
+
+/// The dataset's specification.
+#[derive(Clone, Debug, Args)]
+pub struct SpecificationOptions {
+    /// The dataset's specification, a TOML file; what it leaves out is as in the preset `maxbrdf`
+    #[arg(long, value_name = "FILE")]
+    spec: Option<PathBuf>,
+}
+
+impl SpecificationOptions {
+    /// The specification of the file, or the preset.
+    pub fn load(&self) -> anyhow::Result<Specification> {
+        Ok(match &self.spec {
+            Some(path) => Specification::load(path)?,
+            None => Specification::preset(),
+        })
+    }
+}
+
+/// The specification of a set that is to be rendered, and how much of it.
+#[derive(Clone, Debug, Args)]
+pub struct SetOptions {
+    #[command(flatten)]
+    specification: SpecificationOptions,
+    /// How many materials to render, where it is not as many as the specification says
+    #[arg(long, value_name = "N")]
+    materials: Option<u32>,
+}
+
+impl SetOptions {
+    /// The specification with as many materials as asked for.
+    pub fn load(&self) -> anyhow::Result<Specification> {
+        let mut specification = self.specification.load()?;
+        if let Some(materials) = self.materials {
+            if !limits::MATERIALS.contains(&materials) {
+                return Err(BadInput(format!(
+                    "--materials {materials}: a set has {} to {} materials",
+                    limits::MATERIALS.start(),
+                    limits::MATERIALS.end()
+                ))
+                .into());
+            }
+            specification.materials = materials;
+        }
+        Ok(specification)
+    }
+}

@@ -1,0 +1,329 @@
+//! Whole datasets, made by real processes over real sockets.
+
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// How long a farm of this size may take at the very most.
+const PATIENCE: Duration = Duration::from_secs(180);
+
+/// Small images, so that 14 of them take a fraction of a second.
+const SPECIFICATION: &str = r#"
+name = "small"
+materials = 20
+[image]
+width = 32
+height = 32
+[integrator]
+samples_per_pixel = 16
+"#;
+
+fn brdfarm(directory: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
+    command.current_dir(directory);
+    command
+}
+
+fn run(directory: &Path, arguments: &str) -> Output {
+    brdfarm(directory)
+        .args(arguments.split_whitespace())
+        .output()
+        .expect("brdfarm runs")
+}
+
+fn succeed(directory: &Path, arguments: &str) -> String {
+    let output = run(directory, arguments);
+    assert!(
+        output.status.success(),
+        "brdfarm {arguments}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+fn workplace() -> tempfile::TempDir {
+    let directory = tempfile::tempdir().expect("a directory");
+    fs::write(directory.path().join("spec.toml"), SPECIFICATION).expect("written");
+    directory
+}
+
+/// The manifest of a store: a function of its images.
+fn manifest(directory: &Path, store: &str) -> String {
+    let out = format!("{store}.jsonl");
+    succeed(
+        directory,
+        &format!("dataset manifest export --store {store} --format jsonl --out {out}"),
+    );
+    fs::read_to_string(directory.join(out)).expect("a manifest")
+}
+
+/// A process that ends with its test.
+struct Process(Child);
+
+impl Process {
+    /// Waits for its end and tells whether it ended well.
+    fn ended_well(mut self) -> bool {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            if let Some(status) = self.0.try_wait().expect("a status") {
+                return status.success();
+            }
+            assert!(Instant::now() < deadline, "a process does not end");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn kill(mut self) {
+        self.0.kill().expect("SIGKILL");
+        self.0.wait().expect("its end");
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // An error means that it has ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// A coordinator that ends when its set is complete, and its URL.
+fn coordinator(directory: &Path, store: &str) -> (Process, String) {
+    let mut child = brdfarm(directory)
+        .args([
+            "coordinator",
+            "serve",
+            "--spec",
+            "spec.toml",
+            "--store",
+            store,
+        ])
+        .args([
+            "--listen",
+            "127.0.0.1:0",
+            "--lease-seconds",
+            "2",
+            "--exit-when-complete",
+        ])
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("a coordinator");
+    let mut line = String::new();
+    let stdout = child.stdout.take().expect("a pipe");
+    BufReader::new(stdout).read_line(&mut line).expect("a line");
+    let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
+    (Process(child), url)
+}
+
+fn worker(directory: &Path, url: &str) -> Process {
+    let child = brdfarm(directory)
+        .args(["worker", "connect", url, "--threads", "1"])
+        .stdout(Stdio::null())
+        .spawn()
+        .expect("a worker");
+    Process(child)
+}
+
+fn completions(store: &Path) -> usize {
+    fs::read_to_string(store.join("completions.log")).map_or(0, |log| log.lines().count())
+}
+
+fn wait_for_completions(store: &Path, count: usize) {
+    let deadline = Instant::now() + PATIENCE;
+    while completions(store) < count {
+        assert!(Instant::now() < deadline, "no {count} completions");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn rows(manifest: &str) -> Vec<Value> {
+    manifest
+        .lines()
+        .map(|line| serde_json::from_str(line).expect("JSON"))
+        .collect()
+}
+
+#[test]
+fn a_killed_worker_loses_nothing_and_changes_nothing() {
+    let directory = workplace();
+    let directory = directory.path();
+    succeed(
+        directory,
+        "run --spec spec.toml --store undisturbed --workers 2",
+    );
+
+    let (coordinator, url) = coordinator(directory, "farm");
+    let doomed = worker(directory, &url);
+    let survivor = worker(directory, &url);
+    wait_for_completions(&directory.join("farm"), 4);
+    doomed.kill();
+    assert!(
+        completions(&directory.join("farm")) < 20,
+        "killed too late to tell anything"
+    );
+    assert!(coordinator.ended_well());
+    assert!(survivor.ended_well());
+
+    succeed(directory, "dataset verify --store farm");
+    let farm = manifest(directory, "farm");
+    assert_eq!(farm, manifest(directory, "undisturbed"));
+    let images: Vec<_> = rows(&farm)
+        .iter()
+        .map(|row| (row["material"].as_u64(), row["view"].as_u64()))
+        .collect();
+    let expected: Vec<_> = (0..20)
+        .flat_map(|material| (0..14).map(move |view| (Some(material), Some(view))))
+        .collect();
+    assert_eq!(images, expected, "every image once, in order");
+}
+
+#[test]
+fn a_killed_coordinator_resumes_with_what_it_acknowledged() {
+    let directory = workplace();
+    let directory = directory.path();
+    let (first, url) = coordinator(directory, "farm");
+    let left_behind = worker(directory, &url);
+    wait_for_completions(&directory.join("farm"), 3);
+    first.kill();
+    left_behind.kill();
+    let kept = completions(&directory.join("farm"));
+    let partial =
+        "dataset manifest export --store farm --format jsonl --partial --out partial.jsonl";
+    succeed(directory, partial);
+    let before = fs::read_to_string(directory.join("partial.jsonl")).expect("a manifest");
+    assert!(
+        before.lines().count() >= 14 * (kept - 1),
+        "acknowledged work is gone"
+    );
+
+    let summary = succeed(directory, "run --spec spec.toml --store farm");
+    assert!(summary.contains("store "), "{summary}");
+    let after = manifest(directory, "farm");
+    for row in before.lines() {
+        assert!(after.contains(row), "an image changed: {row}");
+    }
+    assert_eq!(after.lines().count(), 20 * 14);
+}
+
+#[test]
+fn a_run_resumes_grows_and_says_when_there_is_nothing_to_do() {
+    let directory = workplace();
+    let directory = directory.path();
+    let first = succeed(directory, "run --spec spec.toml --materials 2");
+    assert!(
+        first.contains("rendered 28 images") && first.contains("verified 28"),
+        "{first}"
+    );
+    for name in [
+        "manifest.parquet",
+        "contact-sheet.png",
+        "specification.json",
+    ] {
+        assert!(directory.join("store").join(name).exists(), "no {name}");
+    }
+    let small = manifest(directory, "store");
+
+    let again = succeed(directory, "run --spec spec.toml --materials 2");
+    assert!(again.contains("nothing to do"), "{again}");
+
+    let grown = succeed(directory, "run --spec spec.toml --materials 3");
+    assert!(grown.contains("rendered 14 images"), "{grown}");
+    assert!(
+        manifest(directory, "store").starts_with(&small),
+        "what was there changed"
+    );
+
+    fs::write(
+        directory.join("other.toml"),
+        SPECIFICATION.replace("32", "33"),
+    )
+    .expect("written");
+    let other = run(directory, "run --spec other.toml");
+    assert!(!other.status.success(), "another specification was let in");
+}
+
+#[test]
+fn any_image_of_the_manifest_renders_again_to_its_digest() {
+    let directory = workplace();
+    let directory = directory.path();
+    succeed(directory, "run --spec spec.toml --materials 2");
+    for row in rows(&manifest(directory, "store")) {
+        let (seed, material, view) = (&row["seed"], &row["material"], &row["view"]);
+        let digest = row["digest"].as_str().expect("a digest");
+        succeed(
+            directory,
+            &format!(
+                "render --spec spec.toml --seed {seed} --material {material} --view {view} \
+                 --expect {digest}"
+            ),
+        );
+    }
+}
+
+#[test]
+fn verify_names_what_is_broken() {
+    let directory = workplace();
+    let directory = directory.path();
+    succeed(directory, "run --spec spec.toml --materials 2");
+    let all = rows(&manifest(directory, "store"));
+    let path = |row: &Value| {
+        directory
+            .join("store")
+            .join(row["path"].as_str().expect("a path"))
+    };
+    let flipped: PathBuf = path(&all[3]);
+    let mut bytes = fs::read(&flipped).expect("an image");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&flipped, bytes).expect("written");
+    fs::remove_file(path(&all[20])).expect("removed");
+
+    let output = run(directory, "dataset verify");
+    assert_eq!(output.status.code(), Some(1));
+    let found = String::from_utf8(output.stdout).expect("UTF-8");
+    assert!(found.contains("material 0, view 3"), "{found}");
+    assert!(found.contains("material 1, view 6"), "{found}");
+    assert_eq!(found.lines().count(), 2, "{found}");
+}
+
+/// The exports, read by pyarrow, numpy and OpenEXR: `tests/clients/install.sh` installs them.
+#[test]
+fn python_reads_what_leaves_the_farm() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let clients = root.join("target/python-clients");
+    assert!(
+        clients.exists(),
+        "the Python readers are missing: run tests/clients/install.sh, or tests/run.sh for all tests"
+    );
+    let directory = workplace();
+    let directory = directory.path();
+    succeed(directory, "run --spec spec.toml --materials 3");
+    for format in ["parquet", "csv", "jsonl"] {
+        succeed(
+            directory,
+            &format!("dataset manifest export --format {format} --out manifest.{format}"),
+        );
+    }
+    let output = Command::new("python3")
+        .arg(root.join("tests/clients/read_exports.py"))
+        .args([
+            "store",
+            "manifest.parquet",
+            "manifest.csv",
+            "manifest.jsonl",
+        ])
+        .env("PYTHONPATH", clients)
+        .current_dir(directory)
+        .output()
+        .expect("python3 runs");
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success(),
+        "{said}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(said.contains("42 images"), "{said}");
+}

@@ -1,0 +1,174 @@
+//! Calls that outlast the coordinator's absence: repeated with growing, jittered pauses.
+
+use crate::limits;
+use proto::{
+    FarmClient,
+    client::{connect_lazily, with_deadline_after},
+};
+use std::time::Duration;
+use thiserror::Error;
+use tokio::time::{Instant, sleep};
+use tonic::{Code, Request, Response, Status};
+
+/// Why a call has no answer.
+#[derive(Clone, Debug, Error)]
+pub(crate) enum CallError {
+    /// The coordinator said no; asking again changes nothing.
+    #[error("{}", .0.message())]
+    Refused(Status),
+    /// The coordinator cannot be reached, or cannot answer.
+    #[error("the coordinator did not answer for {} s: {}", .0.as_secs(), .1.message())]
+    Away(Duration, Status),
+}
+
+/// The line to one coordinator. Cheap to clone.
+#[derive(Clone)]
+pub(crate) struct Connection {
+    client: FarmClient,
+    away_max: Duration,
+}
+
+impl Connection {
+    /// A line to `url` that gives up after the coordinator has been away for `away_max`.
+    pub fn new(url: &str, away_max: Duration) -> Result<Self, String> {
+        let client = connect_lazily(url)?;
+        Ok(Self { client, away_max })
+    }
+
+    /// The same line with another patience.
+    pub fn patient_for(&self, away_max: Duration) -> Self {
+        Self {
+            client: self.client.clone(),
+            away_max,
+        }
+    }
+
+    /// Makes a call, and again while the coordinator is away.
+    pub async fn call<M: Clone, R, F>(
+        &self,
+        message: M,
+        method: impl Fn(FarmClient, Request<M>) -> F,
+    ) -> Result<R, CallError>
+    where
+        F: Future<Output = Result<Response<R>, Status>>,
+    {
+        self.call_and_wait(message, Duration::ZERO, method).await
+    }
+
+    /// The same for a call that asks to wait `wait`.
+    pub async fn call_and_wait<M: Clone, R, F>(
+        &self,
+        message: M,
+        wait: Duration,
+        method: impl Fn(FarmClient, Request<M>) -> F,
+    ) -> Result<R, CallError>
+    where
+        F: Future<Output = Result<Response<R>, Status>>,
+    {
+        let mut away_since = None;
+        for attempt in 0.. {
+            let started = Instant::now();
+            let request = with_deadline_after(message.clone(), wait);
+            let status = match method(self.client.clone(), request).await {
+                Ok(response) => return Ok(response.into_inner()),
+                Err(status) if is_final(status.code()) => return Err(CallError::Refused(status)),
+                Err(status) => status,
+            };
+            let away = away_since.get_or_insert(started).elapsed();
+            if away >= self.away_max {
+                return Err(CallError::Away(away, status));
+            }
+            if attempt == 1 {
+                tracing::warn!(reason = status.message(), "the coordinator is away");
+            }
+            sleep(pause(attempt).min(self.away_max - away)).await;
+        }
+        unreachable!("attempts do not run out")
+    }
+}
+
+/// Answers that repeating does not change. All others come of a coordinator that is away, busy or
+/// stopping, or of the network.
+fn is_final(code: Code) -> bool {
+    matches!(
+        code,
+        Code::InvalidArgument
+            | Code::NotFound
+            | Code::AlreadyExists
+            | Code::FailedPrecondition
+            | Code::PermissionDenied
+            | Code::Unauthenticated
+            | Code::Unimplemented
+            | Code::OutOfRange
+    )
+}
+
+/// The pause after a failed attempt, counted from 0: none, then doubling up to a limit, each half
+/// fixed and half random, so that workers do not come back all at once.
+fn pause(attempt: u32) -> Duration {
+    let Some(doublings) = attempt.checked_sub(1) else {
+        return Duration::ZERO;
+    };
+    let full = limits::BACKOFF_FIRST
+        .saturating_mul(1 << doublings.min(20))
+        .min(limits::BACKOFF_MAX);
+    let mut random = [0; 2];
+    // Without random numbers pauses are merely not spread.
+    if getrandom::fill(&mut random).is_err() {
+        return full;
+    }
+    let fraction = f64::from(u16::from_ne_bytes(random)) / f64::from(u16::MAX);
+    full.mul_f64(0.5 + 0.5 * fraction)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pauses_grow_from_nothing_to_the_limit_and_differ() {
+        assert_eq!(pause(0), Duration::ZERO);
+        for attempt in 1..40 {
+            let full = limits::BACKOFF_FIRST * (1 << (attempt - 1).min(20));
+            let full = full.min(limits::BACKOFF_MAX);
+            let pause = pause(attempt);
+            assert!(pause <= full && pause >= full / 2, "{attempt}: {pause:?}");
+        }
+        let pauses: std::collections::BTreeSet<Duration> = (0..20).map(|_| pause(30)).collect();
+        assert!(pauses.len() > 1);
+    }
+
+    #[tokio::test]
+    async fn a_call_is_repeated_until_it_is_answered_refused_or_given_up() {
+        let line = Connection::new("http://127.0.0.1:9", Duration::from_millis(400)).unwrap();
+        let calls = std::cell::Cell::new(0);
+        let scripted = |answers: &'static [Result<u8, Code>]| {
+            calls.set(0);
+            let calls = &calls;
+            move |_: FarmClient, _: Request<()>| {
+                let answer = answers[calls.get().min(answers.len() - 1)];
+                calls.set(calls.get() + 1);
+                async move {
+                    answer
+                        .map(Response::new)
+                        .map_err(|code| Status::new(code, "x"))
+                }
+            }
+        };
+        let answer = line.call(
+            (),
+            scripted(&[Err(Code::Unavailable), Err(Code::Unknown), Ok(7)]),
+        );
+        assert_eq!(answer.await.unwrap(), 7);
+        assert_eq!(calls.get(), 3);
+
+        let answer = line.call((), scripted(&[Err(Code::InvalidArgument), Ok(7)]));
+        assert!(matches!(answer.await, Err(CallError::Refused(_))));
+        assert_eq!(calls.get(), 1);
+
+        let started = Instant::now();
+        let answer = line.call((), scripted(&[Err(Code::Unavailable)]));
+        assert!(matches!(answer.await, Err(CallError::Away(..))));
+        assert!(started.elapsed() >= Duration::from_millis(400));
+    }
+}

@@ -1,0 +1,261 @@
+//! A store, coordinators and workers for a test.
+
+use crate::cheap_image::{cheap_image, small_specification};
+use coordinator::{Coordinator, Options, Policy, ReadOnlyStore, RunningCoordinator, Store};
+use dataset::{Digest, ErrorStatistics, SampledMaterial, Specification};
+use proto::{FarmClient, client::with_deadline};
+use std::{
+    net::SocketAddr,
+    path::Path,
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
+    thread,
+    time::Duration,
+};
+use tokio::{sync::watch, task::JoinHandle};
+use tonic::Status;
+use worker::{Render, RenderFailure, RenderedView, Summary, Worker, WorkerError};
+
+/// A lease short enough to wait for.
+pub const SHORT_LEASE: Duration = Duration::from_millis(300);
+
+pub struct Bench {
+    folder: tempfile::TempDir,
+    pub specification: Specification,
+    pub policy: Policy,
+    pub rendered: Arc<AtomicU64>,
+}
+
+struct CheapRenderer<B> {
+    specification: Specification,
+    rendered: Arc<AtomicU64>,
+    behaviour: B,
+}
+
+/// What a test's renderer does with a material's view beside making its image.
+pub trait Behaviour: Fn(u32, u32) -> Result<(), RenderFailure> + Send + Sync + 'static {}
+
+impl<B: Fn(u32, u32) -> Result<(), RenderFailure> + Send + Sync + 'static> Behaviour for B {}
+
+impl<B: Behaviour> Render for CheapRenderer<B> {
+    fn render(&self, material: &SampledMaterial, view: u32) -> Result<RenderedView, RenderFailure> {
+        (self.behaviour)(material.index, view)?;
+        self.rendered.fetch_add(1, Ordering::Relaxed);
+        Ok(RenderedView {
+            exr: cheap_image(&self.specification, material.index, view),
+            statistics: statistics(),
+        })
+    }
+}
+
+pub fn statistics() -> ErrorStatistics {
+    ErrorStatistics {
+        mean: 1e-4,
+        p95: 2e-4,
+        max: 3e-4,
+        within_target: 1.0,
+        samples: 4096,
+    }
+}
+
+pub fn cheap(_: u32, _: u32) -> Result<(), RenderFailure> {
+    Ok(())
+}
+
+pub fn slow(_: u32, _: u32) -> Result<(), RenderFailure> {
+    thread::sleep(Duration::from_millis(60));
+    Ok(())
+}
+
+/// A worker at work.
+pub struct WorkerAtWork {
+    pub stop: watch::Sender<bool>,
+    task: JoinHandle<Result<Summary, WorkerError>>,
+}
+
+impl WorkerAtWork {
+    pub async fn summary(self) -> Summary {
+        self.task.await.unwrap().unwrap()
+    }
+}
+
+impl Bench {
+    pub fn new(materials: u32) -> Self {
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            specification: small_specification(materials),
+            policy: Policy::default(),
+            rendered: Arc::default(),
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub fn rendered(&self) -> u64 {
+        self.rendered.load(Ordering::Relaxed)
+    }
+
+    pub async fn coordinator(&self) -> RunningCoordinator {
+        let listen = Options::default().listen;
+        self.coordinator_on(listen).await
+    }
+
+    pub async fn coordinator_on(&self, listen: SocketAddr) -> RunningCoordinator {
+        let store = Store::open_or_create(self.path(), &self.specification).unwrap();
+        let options = Options {
+            listen,
+            policy: self.policy,
+            ..Options::default()
+        };
+        Coordinator::start(store, options).await.unwrap()
+    }
+
+    pub fn worker(&self, url: &str, behaviour: impl Behaviour) -> WorkerAtWork {
+        let url = url.to_owned();
+        let rendered = Arc::clone(&self.rendered);
+        let (stop, stopping) = watch::channel(false);
+        let task = tokio::spawn(async move {
+            let options = worker::Options {
+                threads: 1,
+                connect_max: Duration::from_secs(5),
+                ..worker::Options::default()
+            };
+            let prepare = move |specification: &Specification| {
+                Ok(CheapRenderer {
+                    specification: specification.clone(),
+                    rendered,
+                    behaviour,
+                })
+            };
+            Worker::connect(&url, options, prepare)
+                .await?
+                .run(stopping)
+                .await
+        });
+        WorkerAtWork { stop, task }
+    }
+
+    /// Every completed material's digests, in order; the store has to be sound.
+    pub fn digests(&self) -> Vec<Digest> {
+        let store = ReadOnlyStore::open(self.path()).unwrap();
+        let report = coordinator::verify::verify(&store, 1, &|_| ());
+        assert_eq!(report.faults, []);
+        (0..store.specification().materials)
+            .flat_map(|material| store.completion(material).unwrap().unwrap().views)
+            .map(|view| view.digest)
+            .collect()
+    }
+
+    /// What the store of an undisturbed run has.
+    pub fn expected_digests(&self) -> Vec<Digest> {
+        let views = self.specification.views.len() as u32;
+        (0..self.specification.materials)
+            .flat_map(|material| (0..views).map(move |view| (material, view)))
+            .map(|(material, view)| Digest::of(&cheap_image(&self.specification, material, view)))
+            .collect()
+    }
+}
+
+/// A worker in single steps.
+pub struct Puppet {
+    pub client: FarmClient,
+    pub id: Vec<u8>,
+    specification: Specification,
+}
+
+impl Puppet {
+    pub async fn register(bench: &Bench, url: &str) -> Self {
+        let mut client = proto::client::connect_lazily(url).unwrap();
+        let message = proto::RegisterRequest {
+            name: "puppet".to_owned(),
+            renderer_version: dataset::RENDERER_VERSION.to_owned(),
+            specification_hash: bench.specification.hash().as_bytes().to_vec(),
+            worker_id: Vec::new(),
+        };
+        let answer = client.register(with_deadline(message)).await.unwrap();
+        Self {
+            client,
+            id: answer.into_inner().worker_id,
+            specification: bench.specification.clone(),
+        }
+    }
+
+    pub async fn lease(&mut self, jobs_max: u32) -> proto::LeaseResponse {
+        let message = proto::LeaseRequest {
+            worker_id: self.id.clone(),
+            jobs_max,
+            wait_ms: 0,
+        };
+        let answer = self.client.lease(with_deadline(message)).await.unwrap();
+        answer.into_inner()
+    }
+
+    pub async fn lease_one(&mut self) -> proto::Job {
+        let mut jobs = self.lease(1).await.jobs;
+        assert_eq!(jobs.len(), 1);
+        jobs.remove(0)
+    }
+
+    pub fn images(&self, material: u32) -> Vec<Vec<u8>> {
+        (0..self.specification.views.len() as u32)
+            .map(|view| cheap_image(&self.specification, material, view))
+            .collect()
+    }
+
+    pub async fn put(&mut self, digest: Digest, data: Vec<u8>) -> Result<(), Status> {
+        let message = proto::PutBlobRequest {
+            digest: digest.as_bytes().to_vec(),
+            size: data.len() as u64,
+            data: data.into(),
+        };
+        self.client.put_blob(with_deadline(message)).await?;
+        Ok(())
+    }
+
+    pub async fn put_all(&mut self, material: u32) {
+        for bytes in self.images(material) {
+            self.put(Digest::of(&bytes), bytes).await.unwrap();
+        }
+    }
+
+    pub async fn complete(
+        &mut self,
+        token: &[u8],
+        material: u32,
+    ) -> Result<proto::CompleteResponse, Status> {
+        let images = self.images(material);
+        self.complete_with(token, material, &images).await
+    }
+
+    pub async fn complete_with(
+        &mut self,
+        token: &[u8],
+        material: u32,
+        images: &[Vec<u8>],
+    ) -> Result<proto::CompleteResponse, Status> {
+        let statistics = statistics();
+        let views = images.iter().map(|bytes| proto::View {
+            digest: Digest::of(bytes).as_bytes().to_vec(),
+            size: bytes.len() as u64,
+            statistics: Some(proto::ErrorStatistics {
+                mean: statistics.mean,
+                p95: statistics.p95,
+                max: statistics.max,
+                within_target: statistics.within_target,
+                samples: statistics.samples,
+            }),
+        });
+        let message = proto::CompleteRequest {
+            token: token.to_vec(),
+            material,
+            views: views.collect(),
+            seconds: 0.5,
+        };
+        let answer = self.client.complete(with_deadline(message)).await?;
+        Ok(answer.into_inner())
+    }
+}

@@ -1,0 +1,82 @@
+use crate::bench::{Bench, cheap, slow};
+use coordinator::ReadOnlyStore;
+use worker::RenderFailure;
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn two_workers_complete_a_set_with_every_image_once() {
+    let bench = Bench::new(20);
+    let coordinator = bench.coordinator().await;
+    let workers = [0, 1].map(|_| bench.worker(&coordinator.url(), slow));
+    let progress = coordinator.wait_until_finished().await.unwrap();
+    assert_eq!(progress.counts.completed, 20);
+    assert_eq!(progress.images, 60);
+    let mut materials = Vec::new();
+    for worker in workers {
+        let summary = worker.summary().await;
+        assert_eq!(summary.images, 3 * summary.materials);
+        assert_eq!(summary.failures + summary.lost, 0);
+        materials.push(summary.materials);
+    }
+    assert_eq!(materials.iter().sum::<u64>(), 20);
+    assert!(
+        materials.iter().all(|materials| *materials > 0),
+        "both work: {materials:?}"
+    );
+    assert_eq!(bench.rendered(), 60);
+    coordinator.shutdown().await;
+    assert_eq!(bench.digests(), bench.expected_digests());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_set_grows_without_rendering_anything_again() {
+    let mut bench = Bench::new(4);
+    for materials in [4, 9, 9, 6] {
+        bench.specification.materials = materials;
+        let coordinator = bench.coordinator().await;
+        let worker = bench.worker(&coordinator.url(), cheap);
+        let progress = coordinator.wait_until_finished().await.unwrap();
+        assert_eq!(progress.counts.completed, materials);
+        worker.summary().await;
+        coordinator.shutdown().await;
+    }
+    assert_eq!(bench.rendered(), 27);
+    bench.specification.materials = 9;
+    assert_eq!(bench.digests(), bench.expected_digests());
+}
+
+fn fails_on_one(material: u32, view: u32) -> Result<(), RenderFailure> {
+    match (material, view) {
+        (2, 1) => Err(RenderFailure("the bulb is broken".to_owned())),
+        (3, 2) => panic!("a test's renderer panics"),
+        _ => Ok(()),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried() {
+    let bench = Bench::new(5);
+    let coordinator = bench.coordinator().await;
+    let worker = bench.worker(&coordinator.url(), fails_on_one);
+    let progress = coordinator.wait_until_finished().await.unwrap();
+    assert_eq!(
+        (progress.counts.completed, progress.counts.set_aside),
+        (3, 2)
+    );
+    assert_eq!(progress.failures, 6);
+    assert_eq!(worker.summary().await.failures, 6);
+    let set_aside = coordinator.set_aside();
+    let bulb = vec!["view 1: the bulb is broken".to_owned(); 3];
+    let panicked = vec!["view 2: the renderer panicked".to_owned(); 3];
+    assert_eq!(set_aside, [(2, bulb), (3, panicked)]);
+    coordinator.shutdown().await;
+    let store = ReadOnlyStore::open(bench.path()).unwrap();
+    assert_eq!(store.materials_missing(), 2);
+
+    let coordinator = bench.coordinator().await;
+    let worker = bench.worker(&coordinator.url(), cheap);
+    let progress = coordinator.wait_until_finished().await.unwrap();
+    assert_eq!(progress.counts.completed, 5);
+    worker.summary().await;
+    coordinator.shutdown().await;
+    assert_eq!(bench.digests(), bench.expected_digests());
+}
