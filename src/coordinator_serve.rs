@@ -67,6 +67,7 @@ async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
         asked = shutdown::requested() => asked.map_err(anyhow::Error::from),
         error = coordinator.failed() => Err(error.into()),
         finished = coordinator.wait_until_finished(), if options.exit_when_complete => {
+            coordinator.wait_for_workers_to_leave().await;
             finished.map_err(anyhow::Error::from).and_then(|progress| {
                 anyhow::ensure!(
                     progress.counts.set_aside == 0,

@@ -130,7 +130,12 @@ async fn render(
 ) -> anyhow::Result<Rendered> {
     let materials = store.materials_asked();
     let views = store.specification().views.len() as u64;
-    let coordinator = Coordinator::start(store, coordinator::Options::default()).await?;
+    // The workers of an earlier run were part of its process, and nobody else knew its address.
+    let coordinator_options = coordinator::Options {
+        keep_leases: false,
+        ..coordinator::Options::default()
+    };
+    let coordinator = Coordinator::start(store, coordinator_options).await?;
     let before = *coordinator.progress().borrow();
     let started = Instant::now();
     if before.is_finished() {

@@ -51,6 +51,10 @@ pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
 /// The longest pause between two looks for leases that ran out.
 pub const SWEEP_INTERVAL_MAX: Duration = Duration::from_secs(1);
 
+/// How long a coordinator whose set is complete waits for workers to take leave: a worker that
+/// died never does.
+pub const LEAVE_GRACE: Duration = Duration::from_secs(5);
+
 /// How long a stopping coordinator waits for calls under way.
 pub const STOP_GRACE: Duration = Duration::from_secs(5);
 

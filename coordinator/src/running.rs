@@ -36,6 +36,9 @@ pub struct Options {
     pub policy: Policy,
     /// Whether materials that were set aside get another chance now.
     pub retry_set_aside: bool,
+    /// Whether leases of before the start go on. False where nobody can hold one any more, as when
+    /// the workers were threads of a process that is gone.
+    pub keep_leases: bool,
 }
 
 impl Default for Options {
@@ -45,6 +48,7 @@ impl Default for Options {
             insecure: false,
             policy: Policy::default(),
             retry_set_aside: true,
+            keep_leases: true,
         }
     }
 }
@@ -108,7 +112,7 @@ impl Coordinator {
         store: Store,
         options: Options,
     ) -> Result<RunningCoordinator, CoordinatorError> {
-        let Options { listen, policy, .. } = options;
+        let listen = options.listen;
         if !listen.ip().is_loopback() && !options.insecure {
             return Err(CoordinatorError::Exposed(listen));
         }
@@ -120,7 +124,7 @@ impl Coordinator {
         let listener = TcpListener::bind(listen).await.map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, policy, options.retry_set_aside, stopping.clone())?;
+        let (farm, lock) = Farm::start(store, &options, stopping.clone())?;
         let farm = Arc::new(farm);
         let mut tasks = JoinSet::new();
         tasks.spawn(serve(Arc::clone(&farm), listener, stopping.clone()));
@@ -164,6 +168,17 @@ impl RunningCoordinator {
         let settled = self.farm.settled().await;
         settled.map_err(|error| CoordinatorError::Store(error.0.unwrap_or_default()))?;
         Ok(*self.farm.progress().borrow())
+    }
+
+    /// Waits until every worker has taken leave, or for as long as [`limits::LEAVE_GRACE`]: workers
+    /// that learn that nothing is left to do leave, and would look in vain for a coordinator that
+    /// went first.
+    pub async fn wait_for_workers_to_leave(&self) {
+        let mut progress = self.farm.progress();
+        let left = progress.wait_for(|progress| progress.workers == 0);
+        if timeout(limits::LEAVE_GRACE, left).await.is_err() {
+            tracing::warn!("some workers did not take leave");
+        }
     }
 
     /// Waits until the store can no longer be written, which takes a fault.

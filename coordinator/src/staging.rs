@@ -5,7 +5,10 @@ use crate::{
     limits,
 };
 use dataset::{Digest, ImageHeader};
-use std::{collections::HashMap, time::Duration};
+use std::{
+    collections::{HashMap, hash_map::Entry},
+    time::Duration,
+};
 
 /// An accepted image that belongs to no completed material yet.
 pub(crate) struct StagedImage {
@@ -43,11 +46,14 @@ impl Staging {
     /// Puts an image into the room reserved for it. Where it was staged before, the one before
     /// stays.
     pub fn insert(&mut self, image: StagedImage, blobs: &Blobs) {
-        if self.images.contains_key(&image.file.digest) {
-            self.release(image.bytes);
-            blobs.discard(&image.file);
-        } else {
-            self.images.insert(image.file.digest, image);
+        match self.images.entry(image.file.digest) {
+            Entry::Vacant(place) => {
+                place.insert(image);
+            }
+            Entry::Occupied(_) => {
+                self.release(image.bytes);
+                blobs.discard(&image.file);
+            }
         }
     }
 

@@ -48,7 +48,13 @@ mod tests {
     #[tokio::test]
     async fn urls_that_name_no_coordinator_are_refused() {
         assert!(connect_lazily("http://127.0.0.1:7117").is_ok());
-        for url in ["", "127.0.0.1:7117", "ftp://host:1", "http://", "nonsense url"] {
+        for url in [
+            "",
+            "127.0.0.1:7117",
+            "ftp://host:1",
+            "http://",
+            "nonsense url",
+        ] {
             let message = connect_lazily(url).unwrap_err();
             assert!(message.contains("http://HOST:PORT"), "{url}: {message}");
         }

@@ -25,7 +25,8 @@ pub enum Format {
     Jsonl,
     /// Comma-separated values with a line of names; lists become columns `name_0`, `name_1`, ...
     Csv,
-    /// Apache Parquet, compressed with zstd; lists are fixed-size lists.
+    /// Apache Parquet; lists are fixed-size lists. Compressed with Snappy, which needs no C
+    /// compiler to build.
     Parquet,
 }
 

@@ -252,6 +252,15 @@ impl Queue {
             .collect()
     }
 
+    /// Takes back every lease, where nobody can be left who holds one; counts against nobody.
+    pub fn release_all(&mut self, now: Duration) -> Vec<Change> {
+        let holders: Vec<WorkerId> = self.holdings.keys().copied().collect();
+        holders
+            .into_iter()
+            .flat_map(|worker| self.release(worker, now))
+            .collect()
+    }
+
     /// Takes back every lease whose time is over.
     pub fn expire(&mut self, now: Duration) -> Vec<Change> {
         let over: Vec<u32> = self

@@ -28,6 +28,7 @@ enum Operation {
     CompleteOther { back: usize, material: u32 },
     Fail { back: usize },
     Release { worker: u8 },
+    ReleaseAll,
     Wait { seconds: u64 },
     Restart,
     RetrySetAside,
@@ -45,6 +46,7 @@ fn operation() -> impl Strategy<Value = Operation> {
             .prop_map(|(back, material)| Operation::CompleteOther { back, material }),
         3 => (0..10usize).prop_map(|back| Operation::Fail { back }),
         1 => (0..4u8).prop_map(|worker| Operation::Release { worker }),
+        1 => Just(Operation::ReleaseAll),
         4 => (0..8u64).prop_map(|seconds| Operation::Wait { seconds }),
         1 => Just(Operation::Restart),
         1 => Just(Operation::RetrySetAside),
@@ -152,6 +154,16 @@ impl Bench {
                     })
                     .collect();
                 let changes = self.queue.release(worker(number), self.now);
+                assert_eq!(self.keep(changes), expected);
+                for material in expected {
+                    self.model[material as usize].lease = None;
+                }
+            }
+            Operation::ReleaseAll => {
+                let expected: BTreeSet<u32> = (0..MATERIALS)
+                    .filter(|material| self.model[*material as usize].lease.is_some())
+                    .collect();
+                let changes = self.queue.release_all(self.now);
                 assert_eq!(self.keep(changes), expected);
                 for material in expected {
                     self.model[material as usize].lease = None;

@@ -48,7 +48,7 @@ impl Cheap {
                 blocks: Blocks::ScanLines,
                 line_order: LineOrder::Increasing,
             },
-            value: 1.0 + material as f32 + view as f32 / 16.0,
+            value: 1.0 + (material % 100) as f32 + view as f32 / 16.0,
         }
     }
 

@@ -1,6 +1,8 @@
 use crate::bench::{Bench, cheap, slow};
-use coordinator::ReadOnlyStore;
-use worker::RenderFailure;
+use coordinator::{ReadOnlyStore, verify::verify};
+use renderer::geometry::BackendChoice;
+use tokio::sync::watch;
+use worker::{RenderFailure, RendererBackend, Worker};
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_workers_complete_a_set_with_every_image_once() {
@@ -79,4 +81,24 @@ async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried
     worker.summary().await;
     coordinator.shutdown().await;
     assert_eq!(bench.digests(), bench.expected_digests());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn the_renderer_s_images_are_what_the_coordinator_accepts() {
+    let mut bench = Bench::new(2);
+    bench.specification.integrator.samples_per_pixel = 16;
+    let coordinator = bench.coordinator().await;
+    let prepare = |specification: &dataset::Specification| {
+        RendererBackend::new(specification, BackendChoice::Native)
+            .map_err(|error| RenderFailure(error.to_string()))
+    };
+    let options = worker::Options::default();
+    let worker = Worker::connect(&coordinator.url(), options, prepare).await;
+    let (_stop, stopping) = watch::channel(false);
+    let summary = worker.unwrap().run(stopping).await.unwrap();
+    assert_eq!((summary.materials, summary.failures), (2, 0));
+    coordinator.shutdown().await;
+    let report = verify(&ReadOnlyStore::open(bench.path()).unwrap(), 1, &|_| ());
+    assert_eq!(report.faults, []);
+    assert_eq!(report.images_sound, 6);
 }

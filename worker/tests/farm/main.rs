@@ -1,12 +1,13 @@
 //! Coordinator and workers over real sockets. Images come from a cheap, deterministic maker, so
 //! that what is tested is the farm.
 
+#![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+
 #[path = "../../../coordinator/tests/store/cheap_image.rs"]
 mod cheap_image;
 
 mod bench;
 mod completion;
 mod leases;
-mod measure;
 mod refusals;
 mod restarts;

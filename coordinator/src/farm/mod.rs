@@ -4,31 +4,35 @@
 //! changes the state and submits the change to the commit thread under the lock, then waits without
 //! it until the change is durable, and only then answers.
 
+mod completing;
+mod error;
+mod images;
+
+pub(crate) use completing::Outcome;
+pub(crate) use error::FarmError;
+
 use crate::{
-    acceptance::{self, Rejection},
     blobs::Blobs,
     commit::{Committer, NotDurable, Pending, Transition},
-    completion::Completion,
     file_error::FileError,
-    ledger::{BlobPlace, Ledger, LedgerError},
+    ledger::Ledger,
     limits,
-    queue::{Change, Counts, JobState, Policy, Queue, Refusal, Standing},
+    queue::{Change, Counts, JobState, Policy, Queue},
     roster::Roster,
-    staging::{StagedImage, Staging},
+    running::Options,
+    staging::Staging,
     store::Store,
     token::{Token, WorkerId},
 };
-use dataset::{Digest, ImageHeader, RENDERER_VERSION, Specification};
+use dataset::{Digest, RENDERER_VERSION, Specification};
 use proto::limits::{LEASE_WAIT_MAX, TOKEN_BYTES};
 use std::{
     fs::File,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
 };
-use thiserror::Error;
 use tokio::{
     sync::{Notify, Semaphore, watch},
-    task,
     time::{Instant, timeout_at},
 };
 
@@ -54,45 +58,6 @@ impl Progress {
     pub fn is_finished(&self) -> bool {
         self.counts.pending + self.counts.leased == 0
     }
-}
-
-/// Why an operation was not done.
-#[derive(Debug, Error)]
-pub(crate) enum FarmError {
-    #[error(transparent)]
-    Refused(#[from] Refusal),
-    #[error("view {view}: {reason}")]
-    Image { view: u32, reason: Rejection },
-    #[error(transparent)]
-    Rejected(#[from] Rejection),
-    #[error("{0}")]
-    Invalid(String),
-    #[error("{0}")]
-    Incompatible(String),
-    #[error("worker {0} is not registered here: register (again)")]
-    UnknownWorker(WorkerId),
-    #[error("{0} workers are registered, and no more are admitted")]
-    TooManyWorkers(usize),
-    #[error("{0} bytes of images await their completion, and no more are taken: try again later")]
-    StagingFull(u64),
-    #[error(transparent)]
-    NotDurable(#[from] NotDurable),
-    #[error(transparent)]
-    File(#[from] FileError),
-    #[error(transparent)]
-    Ledger(#[from] LedgerError),
-    #[error("the system gives no random numbers: {0}")]
-    Random(getrandom::Error),
-    #[error("the operation was interrupted")]
-    Interrupted,
-}
-
-/// What became of a completion.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Outcome {
-    Recorded,
-    Repeated,
-    Missing(Vec<Digest>),
 }
 
 struct State {
@@ -153,22 +118,23 @@ impl Farm {
     /// The farm over a store. The file returned is the store's lock: let go of it last.
     pub fn start(
         store: Store,
-        policy: Policy,
-        retry_set_aside: bool,
+        options: &Options,
         stopping: watch::Receiver<bool>,
     ) -> Result<(Self, File), FileError> {
         let specification = store.specification().clone();
         let specification_hash = store.specification_hash();
-        let mut queue = Queue::new(store.materials_asked(), policy);
+        let mut queue = Queue::new(store.materials_asked(), options.policy);
         let (blobs, state, lock) = store.into_parts();
         for change in state.jobs {
             queue.restore(change, Duration::ZERO);
         }
-        let retried = if retry_set_aside {
-            queue.retry_set_aside(Duration::ZERO)
-        } else {
-            Vec::new()
-        };
+        let mut changes = Vec::new();
+        if options.retry_set_aside {
+            changes.extend(queue.retry_set_aside(Duration::ZERO));
+        }
+        if !options.keep_leases {
+            changes.extend(queue.release_all(Duration::ZERO));
+        }
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
                 queue,
@@ -196,14 +162,14 @@ impl Farm {
             },
         )?;
         committer.submit(Transition {
-            changes: retried,
+            changes,
             ..Transition::default()
         });
         shared.publish(&shared.lock());
         let farm = Self {
             specification,
             specification_hash,
-            policy,
+            policy: options.policy,
             shared,
             committer,
             ledger,
@@ -346,178 +312,6 @@ impl Farm {
             .collect()
     }
 
-    /// Which of the digests are neither staged nor in the store.
-    pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
-        let unstaged: Vec<Digest> = {
-            let state = self.shared.lock();
-            digests
-                .into_iter()
-                .filter(|digest| !state.staging.contains(digest))
-                .collect()
-        };
-        let places = self.stored(unstaged).await?;
-        Ok(places
-            .into_iter()
-            .filter(|(_, place)| place.is_none())
-            .map(|(digest, _)| digest)
-            .collect())
-    }
-
-    /// Takes an image in, unless it is here: checks digest, layout and every pixel.
-    pub async fn put_blob(
-        &self,
-        digest: Digest,
-        size: u64,
-        data: impl AsRef<[u8]> + Send + 'static,
-    ) -> Result<(), FarmError> {
-        let received = data.as_ref().len() as u64;
-        if received != size {
-            return Err(FarmError::Invalid(format!(
-                "the image was sent as {size} bytes and has {received}"
-            )));
-        }
-        if size > proto::limits::BLOB_BYTES_MAX {
-            return Err(FarmError::Invalid(format!(
-                "the image has {size} bytes, more than {}",
-                proto::limits::BLOB_BYTES_MAX
-            )));
-        }
-        let permit = Arc::clone(&self.uploads).acquire_owned().await;
-        let permit = permit.map_err(|_| FarmError::Interrupted)?;
-        if self.find_missing(vec![digest]).await?.is_empty() {
-            return Ok(());
-        }
-        let shared = Arc::clone(&self.shared);
-        let blobs = self.blobs.clone();
-        let film = self.specification.image.clone();
-        // The task runs to its end even when the caller goes away, so what it reserves it also
-        // gives back.
-        task::spawn_blocking(move || {
-            let _permit = permit;
-            if !shared.lock().staging.reserve(size) {
-                return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
-            }
-            let bytes = data.as_ref();
-            let staged = acceptance::check_digest(bytes, digest)
-                .and_then(|()| acceptance::inspect(bytes, &film))
-                .map_err(FarmError::from)
-                .and_then(|header| Ok((header, blobs.stage(digest, bytes)?)));
-            let mut state = shared.lock();
-            match staged {
-                Ok((header, file)) => {
-                    let image = StagedImage {
-                        file,
-                        bytes: size,
-                        header,
-                        since: shared.now(),
-                        publishing: false,
-                    };
-                    state.staging.insert(image, &blobs);
-                    Ok(())
-                }
-                Err(error) => {
-                    state.staging.release(size);
-                    Err(error)
-                }
-            }
-        })
-        .await
-        .map_err(|_| FarmError::Interrupted)?
-    }
-
-    /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in here.
-    pub async fn complete(
-        &self,
-        token: Token,
-        completion: Completion,
-    ) -> Result<Outcome, FarmError> {
-        self.check_completion(&completion)?;
-        let unstaged = self.unstaged_images(token, &completion)?;
-        let stored = self.stored(unstaged).await?;
-        let (outcome, pending) = self.record(token, completion, &stored)?;
-        pending.durable().await?;
-        Ok(outcome)
-    }
-
-    fn unstaged_images(
-        &self,
-        token: Token,
-        completion: &Completion,
-    ) -> Result<Vec<Digest>, FarmError> {
-        let state = self.shared.lock();
-        let fingerprint = completion.fingerprint();
-        match state
-            .queue
-            .standing(completion.material, token, fingerprint)?
-        {
-            Standing::Repeated => Ok(Vec::new()),
-            Standing::Current => {
-                let digests = completion.views.iter().map(|view| view.digest);
-                Ok(digests
-                    .filter(|digest| !state.staging.contains(digest))
-                    .collect())
-            }
-        }
-    }
-
-    /// The transition itself, all under one lock. Even where nothing is recorded something is
-    /// submitted: the first of two equal completions may still be on its way to the disk, and the
-    /// second has to wait for it.
-    fn record(
-        &self,
-        token: Token,
-        mut completion: Completion,
-        stored: &[(Digest, Option<BlobPlace>)],
-    ) -> Result<(Outcome, Pending), FarmError> {
-        let material = completion.material;
-        let fingerprint = completion.fingerprint();
-        let headers =
-            acceptance::expected_headers(&self.specification, self.specification_hash, material);
-        let mut state = self.shared.lock();
-        let nothing = || self.committer.submit(Transition::default());
-        if state.queue.standing(material, token, fingerprint)? == Standing::Repeated {
-            return Ok((Outcome::Repeated, nothing()));
-        }
-        let mut missing = Vec::new();
-        for (header, view) in headers.iter().zip(&completion.views) {
-            let place = BlobPlace {
-                material,
-                view: header.view,
-                bytes: view.bytes,
-            };
-            if let Some(image) = state.staging.get(&view.digest) {
-                check_image(image, view.bytes, header).map_err(|reason| FarmError::Image {
-                    view: header.view,
-                    reason,
-                })?;
-            } else if !stored.contains(&(view.digest, Some(place))) {
-                missing.push(view.digest);
-            }
-        }
-        if !missing.is_empty() {
-            return Ok((Outcome::Missing(missing), nothing()));
-        }
-        if let Some(worker) = state.queue.holder(material) {
-            completion.worker = state.roster.name(worker);
-        }
-        let now = self.shared.now();
-        let change = state.queue.complete(material, token, fingerprint, now)?;
-        state.bytes_received += completion.bytes();
-        let images = completion
-            .views
-            .iter()
-            .filter_map(|view| state.staging.begin_publishing(&view.digest))
-            .collect();
-        self.after_change(&state);
-        let pending = self.committer.submit(Transition {
-            changes: change.into_iter().collect(),
-            completion: Some(completion),
-            images,
-        });
-        Ok((Outcome::Recorded, pending))
-    }
-
     /// Records that a holder could not render its material. True when it is set aside now.
     pub async fn fail(
         &self,
@@ -602,69 +396,6 @@ impl Farm {
             self.shared.work.notify_waiters();
         }
     }
-
-    fn check_completion(&self, completion: &Completion) -> Result<(), FarmError> {
-        let (expected, found) = (self.specification.views.len(), completion.views.len());
-        if found != expected {
-            return Err(FarmError::Invalid(format!(
-                "a material has {expected} views, and {found} were reported"
-            )));
-        }
-        let mut numbers = completion.views.iter().flat_map(|view| {
-            let statistics = &view.statistics;
-            [
-                statistics.mean,
-                statistics.p95,
-                statistics.max,
-                statistics.within_target,
-            ]
-        });
-        let sane = |number: f64| number.is_finite() && number >= 0.0;
-        if !sane(completion.seconds) || !numbers.all(sane) {
-            return Err(FarmError::Invalid(
-                "a time or an error statistic is negative or not finite".to_owned(),
-            ));
-        }
-        Ok(())
-    }
-
-    /// Of images that are not staged, which are in the store: known to the ledger, and on the disk
-    /// with the right size.
-    async fn stored(
-        &self,
-        digests: Vec<Digest>,
-    ) -> Result<Vec<(Digest, Option<BlobPlace>)>, FarmError> {
-        if digests.is_empty() {
-            return Ok(Vec::new());
-        }
-        let ledger = Arc::clone(&self.ledger);
-        let blobs = self.blobs.clone();
-        task::spawn_blocking(move || {
-            digests
-                .into_iter()
-                .map(|digest| {
-                    let place = match ledger.blob(&digest)? {
-                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
-                        _ => None,
-                    };
-                    Ok((digest, place))
-                })
-                .collect()
-        })
-        .await
-        .map_err(|_| FarmError::Interrupted)?
-    }
-}
-
-fn check_image(image: &StagedImage, bytes: u64, expected: &ImageHeader) -> Result<(), Rejection> {
-    if image.bytes != bytes {
-        return Err(Rejection::Identity {
-            what: "size in bytes",
-            found: image.bytes.to_string(),
-            expected: bytes.to_string(),
-        });
-    }
-    acceptance::check_identity(&image.header, expected)
 }
 
 fn random() -> Result<[u8; TOKEN_BYTES], FarmError> {

@@ -1,0 +1,38 @@
+//! Why an operation of the farm was not done.
+
+use crate::{
+    acceptance::Rejection, commit::NotDurable, file_error::FileError, ledger::LedgerError,
+    queue::Refusal, token::WorkerId,
+};
+use thiserror::Error;
+
+/// Why an operation was not done.
+#[derive(Debug, Error)]
+pub(crate) enum FarmError {
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    #[error("view {view}: {reason}")]
+    Image { view: u32, reason: Rejection },
+    #[error(transparent)]
+    Rejected(#[from] Rejection),
+    #[error("{0}")]
+    Invalid(String),
+    #[error("{0}")]
+    Incompatible(String),
+    #[error("worker {0} is not registered here: register (again)")]
+    UnknownWorker(WorkerId),
+    #[error("{0} workers are registered, and no more are admitted")]
+    TooManyWorkers(usize),
+    #[error("{0} bytes of images await their completion, and no more are taken: try again later")]
+    StagingFull(u64),
+    #[error(transparent)]
+    NotDurable(#[from] NotDurable),
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error(transparent)]
+    Ledger(#[from] LedgerError),
+    #[error("the system gives no random numbers: {0}")]
+    Random(getrandom::Error),
+    #[error("the operation was interrupted")]
+    Interrupted,
+}

@@ -1,0 +1,115 @@
+//! Taking images in: which are missing, and whether one that comes is accepted.
+
+use super::{Farm, FarmError};
+use crate::{acceptance, ledger::BlobPlace, limits, staging::StagedImage};
+use dataset::Digest;
+use std::sync::Arc;
+use tokio::task;
+
+impl Farm {
+    /// Which of the digests are neither staged nor in the store.
+    pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
+        let unstaged: Vec<Digest> = {
+            let state = self.shared.lock();
+            digests
+                .into_iter()
+                .filter(|digest| !state.staging.contains(digest))
+                .collect()
+        };
+        let places = self.stored(unstaged).await?;
+        Ok(places
+            .into_iter()
+            .filter(|(_, place)| place.is_none())
+            .map(|(digest, _)| digest)
+            .collect())
+    }
+
+    /// Takes an image in, unless it is here: checks digest, layout and every pixel.
+    pub async fn put_blob(
+        &self,
+        digest: Digest,
+        size: u64,
+        data: impl AsRef<[u8]> + Send + 'static,
+    ) -> Result<(), FarmError> {
+        let received = data.as_ref().len() as u64;
+        if received != size {
+            return Err(FarmError::Invalid(format!(
+                "the image was sent as {size} bytes and has {received}"
+            )));
+        }
+        if size > proto::limits::BLOB_BYTES_MAX {
+            return Err(FarmError::Invalid(format!(
+                "the image has {size} bytes, more than {}",
+                proto::limits::BLOB_BYTES_MAX
+            )));
+        }
+        let permit = Arc::clone(&self.uploads).acquire_owned().await;
+        let permit = permit.map_err(|_| FarmError::Interrupted)?;
+        if self.find_missing(vec![digest]).await?.is_empty() {
+            return Ok(());
+        }
+        let shared = Arc::clone(&self.shared);
+        let blobs = self.blobs.clone();
+        let film = self.specification.image.clone();
+        // The task runs to its end even when the caller goes away, so what it reserves it also
+        // gives back.
+        task::spawn_blocking(move || {
+            let _permit = permit;
+            if !shared.lock().staging.reserve(size) {
+                return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
+            }
+            let bytes = data.as_ref();
+            let staged = acceptance::check_digest(bytes, digest)
+                .and_then(|()| acceptance::inspect(bytes, &film))
+                .map_err(FarmError::from)
+                .and_then(|header| Ok((header, blobs.stage(digest, bytes)?)));
+            let mut state = shared.lock();
+            match staged {
+                Ok((header, file)) => {
+                    let image = StagedImage {
+                        file,
+                        bytes: size,
+                        header,
+                        since: shared.now(),
+                        publishing: false,
+                    };
+                    state.staging.insert(image, &blobs);
+                    Ok(())
+                }
+                Err(error) => {
+                    state.staging.release(size);
+                    Err(error)
+                }
+            }
+        })
+        .await
+        .map_err(|_| FarmError::Interrupted)?
+    }
+
+    /// Of images that are not staged, which are in the store: known to the ledger, and on the disk
+    /// with the right size.
+    pub(super) async fn stored(
+        &self,
+        digests: Vec<Digest>,
+    ) -> Result<Vec<(Digest, Option<BlobPlace>)>, FarmError> {
+        if digests.is_empty() {
+            return Ok(Vec::new());
+        }
+        let ledger = Arc::clone(&self.ledger);
+        let blobs = self.blobs.clone();
+        task::spawn_blocking(move || {
+            digests
+                .into_iter()
+                .map(|digest| {
+                    let place = match ledger.blob(&digest)? {
+                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
+                        _ => None,
+                    };
+                    Ok((digest, place))
+                })
+                .collect()
+        })
+        .await
+        .map_err(|_| FarmError::Interrupted)?
+    }
+}
