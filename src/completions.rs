@@ -4,10 +4,10 @@ use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use std::io::{self, Write};
 
-/// For which shell.
+/// Print a completion script for a shell
 #[derive(Debug, Args)]
 pub struct Options {
-    /// The shell, as in `brdfarm completions bash > ~/.local/share/bash-completion/completions/brdfarm`
+    /// The shell; for bash the script goes to ~/.local/share/bash-completion/completions/brdfarm
     shell: Shell,
 }
 

@@ -1,5 +1,6 @@
 //! `brdfarm coordinator serve`: the coordinator alone.
 
+use crate::plural::count;
 use crate::{shutdown, specification};
 use clap::{Args, Subcommand};
 use coordinator::{Coordinator, Policy, Store};
@@ -11,13 +12,13 @@ use std::time::Duration;
 /// What a coordinator can be told.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Hand out jobs to workers and keep what they render
     Serve(Options),
 }
 
-/// Serves until it is asked to stop, or until the dataset is complete with --exit-when-complete.
+/// Hand out jobs to workers and keep what they render
 ///
-/// A store that exists is resumed; asking for more materials grows it.
+/// Serves until it is asked to stop, or until the dataset is complete with --exit-when-complete. A
+/// store that exists is resumed; asking for more materials grows it.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
@@ -25,8 +26,8 @@ pub struct Options {
     /// The folder that images, labels and ledger live in
     #[arg(long, default_value = "store", value_name = "DIR")]
     store: PathBuf,
-    /// Where to listen; port 0 takes a free one and prints it
-    #[arg(long, default_value = "127.0.0.1:7117", value_name = "ADDRESS")]
+    /// Where to listen; port 0 takes a free one. The URL for workers is printed
+    #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
     /// Allow an address that other machines reach, without encryption and without tokens
     #[arg(long)]
@@ -43,36 +44,41 @@ pub struct Options {
 /// Serves.
 pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
+    Coordinator::check(&specification, &options.for_coordinator())?;
     let store = Store::open_or_create(&options.store, &specification)?;
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(serve(options, store))
 }
 
-async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
-    let coordinator = Coordinator::start(
-        store,
+impl Options {
+    fn for_coordinator(&self) -> coordinator::Options {
         coordinator::Options {
-            listen: options.listen,
-            insecure: options.insecure,
+            listen: self.listen,
+            insecure: self.insecure,
             policy: Policy {
-                lease: Duration::from_secs(options.lease_seconds),
+                lease: Duration::from_secs(self.lease_seconds),
                 ..Policy::default()
             },
             ..coordinator::Options::default()
-        },
-    )
-    .await?;
+        }
+    }
+}
+
+async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
+    let mut asked = shutdown::flag()?;
+    let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
     writeln!(io::stdout(), "listening on {}", coordinator.url())?;
     let outcome = tokio::select! {
-        asked = shutdown::requested() => asked.map_err(anyhow::Error::from),
+        () = shutdown::raised(&mut asked) => Ok(()),
         error = coordinator.failed() => Err(error.into()),
         finished = coordinator.wait_until_finished(), if options.exit_when_complete => {
             coordinator.wait_for_workers_to_leave().await;
             finished.map_err(anyhow::Error::from).and_then(|progress| {
                 anyhow::ensure!(
                     progress.counts.set_aside == 0,
-                    "{} materials failed too often and were set aside",
-                    progress.counts.set_aside
+                    "{} of {} failed too often and were set aside",
+                    progress.counts.set_aside,
+                    count(progress.counts.materials, "material")
                 );
                 Ok(())
             })
@@ -82,10 +88,10 @@ async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
     coordinator.shutdown().await;
     writeln!(
         io::stdout(),
-        "{} of {} materials complete, {} images in {}",
+        "{} of {} complete, {} in {}",
         progress.counts.completed,
-        progress.counts.materials,
-        progress.images,
+        count(progress.counts.materials, "material"),
+        count(progress.images, "image"),
         options.store.display()
     )?;
     outcome

@@ -1,7 +1,11 @@
 //! What a failure tells the shell.
 
+use coordinator::{CoordinatorError, StoreError};
+use dataset::SpecificationError;
+use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
+use worker::WorkerError;
 
 /// The exit code of input that is wrong; 1 is everything else that went wrong.
 const BAD_INPUT: u8 = 2;
@@ -25,14 +29,47 @@ pub fn exit_code(outcome: anyhow::Result<()>) -> ExitCode {
     if reader_left {
         return ExitCode::SUCCESS;
     }
-    // Standard error may be gone too; there is nobody left to tell.
-    let _ = writeln!(io::stderr(), "error: {error:#}");
-    let bad_input = error
-        .chain()
-        .any(|cause| cause.is::<BadInput>() || cause.is::<dataset::SpecificationError>());
-    if bad_input {
+    report(&message(&error));
+    if error.chain().any(is_bad_input) {
         ExitCode::from(BAD_INPUT)
     } else {
         ExitCode::FAILURE
     }
+}
+
+/// Says on standard error why the command fails.
+pub fn report(message: &str) {
+    // Standard error may be gone too; there is nobody left to tell.
+    let _ = writeln!(io::stderr(), "error: {message}");
+}
+
+/// The error with its causes, less those that the errors above them have told already.
+fn message(error: &anyhow::Error) -> String {
+    let mut message = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !message.ends_with(&cause) {
+            message.push_str(": ");
+            message.push_str(&cause);
+        }
+    }
+    message
+}
+
+/// Whether another command line or another file would help.
+fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
+    cause.is::<BadInput>()
+        || cause.is::<SpecificationError>()
+        || matches!(
+            cause.downcast_ref(),
+            Some(
+                StoreError::Absent(_)
+                    | StoreError::Occupied { .. }
+                    | StoreError::Specification { .. }
+            )
+        )
+        || matches!(
+            cause.downcast_ref(),
+            Some(CoordinatorError::Exposed(_) | CoordinatorError::ImageTooLarge { .. })
+        )
+        || matches!(cause.downcast_ref(), Some(WorkerError::Url(_)))
 }

@@ -3,9 +3,12 @@
 mod brdf;
 mod completions;
 mod coordinator_serve;
+mod cores;
 mod dataset_command;
 mod failure;
+mod output;
 mod picture;
+mod plural;
 mod progress;
 mod render;
 mod run;
@@ -39,22 +42,18 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Render a dataset on this machine: coordinator and workers in one process
     Run(run::Options),
-    /// The part that hands out jobs and keeps the store
+    /// Hand out work to workers and keep what they render
     #[command(subcommand)]
     Coordinator(coordinator_serve::Command),
-    /// The part that renders
+    /// Render for a coordinator
     #[command(subcommand)]
     Worker(worker_connect::Command),
     /// Look at a store, check it, take its labels out
     #[command(subcommand)]
     Dataset(dataset_command::Command),
-    /// Render one view of a material and write or check it
     Render(render::Options),
-    /// Evaluate the reflectance model for JSON lines on standard input
     Brdf(brdf::Options),
-    /// Print a completion script for a shell
     Completions(completions::Options),
 }
 

@@ -1,8 +1,14 @@
 //! Progress where a person waits: a bar on a terminal, nothing elsewhere.
 
+use crate::plural::count;
 use coordinator::Progress;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use std::io::{self, Write};
+use std::sync::LazyLock;
 use std::time::Duration;
+
+/// All bars of the process, so that logs know what to step over.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 
 /// How often a bar that stands still is drawn again.
 const REDRAW: Duration = Duration::from_millis(500);
@@ -15,7 +21,8 @@ pub struct FarmBar {
 impl FarmBar {
     /// A bar that starts at what is there already.
     pub fn new(images_total: u64, images_there: u64) -> Self {
-        let bar = ProgressBar::new(images_total)
+        let bar = BARS
+            .add(ProgressBar::new(images_total))
             .with_style(style(
                 "{wide_bar} {pos}/{len} images  {per_sec}  {eta} left  {msg}",
             ))
@@ -30,8 +37,7 @@ impl FarmBar {
         self.bar.set_position(progress.images);
         self.bar.set_message(match progress.failures {
             0 => String::new(),
-            1 => "1 error".to_owned(),
-            errors => format!("{errors} errors"),
+            errors => count(errors, "error"),
         });
     }
 
@@ -43,7 +49,9 @@ impl FarmBar {
 
 /// A bar over `total` things called `what`.
 pub fn bar(total: u64, what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new(total).with_style(style("{wide_bar} {pos}/{len} {msg}  {eta} left"));
+    let bar = BARS
+        .add(ProgressBar::new(total))
+        .with_style(style("{wide_bar} {pos}/{len} {msg}  {eta} left"));
     bar.set_message(what);
     bar.enable_steady_tick(REDRAW);
     bar
@@ -52,4 +60,17 @@ pub fn bar(total: u64, what: &'static str) -> ProgressBar {
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template)
         .unwrap_or_else(|_| unreachable!("the templates above are well formed"))
+}
+
+/// Standard error for logs: bars make way for every line and come back below it.
+pub struct AboveBars;
+
+impl Write for AboveBars {
+    fn write(&mut self, line: &[u8]) -> io::Result<usize> {
+        BARS.suspend(|| io::stderr().write(line))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stderr().flush()
+    }
 }

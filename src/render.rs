@@ -1,28 +1,29 @@
 //! `brdfarm render`: one view of one material.
 
 use crate::failure::BadInput;
-use crate::{picture, specification};
-use anyhow::Context;
+use crate::{cores, output, picture, specification};
 use clap::Args;
-use dataset::{Digest, Material};
+use dataset::{Digest, Material, specification::limits};
 use renderer::{Renderer, geometry::BackendChoice};
-use std::fs;
-use std::io::{self, Write};
+use std::fs::File;
+use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// The largest material file read.
 const MATERIAL_FILE_BYTES_MAX: u64 = 1 << 16;
 
-/// Renders one view of a material: of the set, by seed and index, or of a file.
+/// Render one view of a material, and write it or check its digest
 ///
-/// The same specification, seed, material and view give the same bytes on any machine; with
-/// --expect the digest is checked and nothing is written where it differs.
+/// The material is one of the set, by seed and index, or stands in a file. The same specification,
+/// seed, material and view give the same bytes on any machine; with --expect the digest is checked,
+/// and nothing is written where it differs. Prints the digest and the measured error.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SpecificationOptions,
-    /// The set's seed, where it is not the specification's
-    #[arg(long, conflicts_with = "material_file")]
+    /// The set's seed [default: the specification's]
+    #[arg(long, conflicts_with = "material_file",
+          value_parser = clap::value_parser!(u64).range(limits::SEED))]
     seed: Option<u64>,
     /// The material's index in the set, counted from 0
     #[arg(long, value_name = "INDEX", required_unless_present = "material_file")]
@@ -31,7 +32,7 @@ pub struct Options {
     #[arg(long, value_name = "FILE", conflicts_with = "material")]
     material_file: Option<PathBuf>,
     /// The view's number in the specification, counted from 0
-    #[arg(long)]
+    #[arg(long, value_name = "NUMBER")]
     view: u32,
     /// Where to write: an .exr file, or a .png to look at
     #[arg(long, value_name = "FILE", required_unless_present = "expect")]
@@ -39,15 +40,17 @@ pub struct Options {
     /// The BLAKE3 digest that the EXR file must have
     #[arg(long, value_name = "DIGEST")]
     expect: Option<Digest>,
-    /// How rays are traced, which changes no byte: auto, native, embree, or embree with an
-    /// instruction set, as in embree:avx2
+    /// What traces the rays: auto, native, embree, or embree with an instruction set, as in
+    /// embree:avx2; the image is the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
-    /// Threads to render with; 0 takes every core
-    #[arg(long, default_value_t = 0)]
-    threads: usize,
-    /// Brightness of a .png, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    /// Threads to render with; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+    /// Brightness of a .png, in stops: each doubles it
+    #[arg(long, default_value_t = 0.0, value_name = "STOPS", allow_negative_numbers = true,
+          value_parser = picture::parse_exposure)]
     exposure: f64,
 }
 
@@ -72,7 +75,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         .into());
     }
     let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(options.threads)
+        .num_threads(cores::count(options.threads))
         .build()?;
     let renderer = Renderer::new(&specification, options.backend)?;
     let rendering = pool.install(|| renderer.render(&material, options.material, options.view))?;
@@ -91,7 +94,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
                 picture::develop(&values, film.width, film.height, options.exposure)?
             }
         };
-        fs::write(path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        output::write(path, &bytes)?;
     }
     let statistics = rendering.statistics;
     writeln!(
@@ -113,35 +116,28 @@ enum OutputKind {
 }
 
 fn output_kind(path: &Path) -> Result<OutputKind, BadInput> {
-    let extension = path
-        .extension()
-        .map(|extension| extension.to_ascii_lowercase());
-    match extension.as_ref().and_then(|extension| extension.to_str()) {
-        Some("exr") => Ok(OutputKind::Exr),
-        Some("png") => Ok(OutputKind::Png),
-        _ => Err(BadInput(format!(
-            "--out {}: the name has to end in .exr or .png",
-            path.display()
-        ))),
-    }
+    Ok(match output::ending(path, &["exr", "png"])? {
+        "png" => OutputKind::Png,
+        _ => OutputKind::Exr,
+    })
 }
 
 fn read_material(path: &Path) -> Result<Material, BadInput> {
-    let place = path.display();
-    let size = fs::metadata(path)
-        .map_err(|error| BadInput(format!("{place}: {error}")))?
-        .len();
-    if size > MATERIAL_FILE_BYTES_MAX {
-        return Err(BadInput(format!(
-            "{place}: {size} bytes are too many for a material, at most {MATERIAL_FILE_BYTES_MAX} \
-             are read"
+    let wrong = |what: &dyn std::fmt::Display| BadInput(format!("{}: {what}", path.display()));
+    let mut text = Vec::new();
+    // Bounded while reading: a device has no size to ask for.
+    File::open(path)
+        .and_then(|file| {
+            file.take(MATERIAL_FILE_BYTES_MAX + 1)
+                .read_to_end(&mut text)
+        })
+        .map_err(|error| wrong(&error))?;
+    if text.len() as u64 > MATERIAL_FILE_BYTES_MAX {
+        return Err(wrong(&format!(
+            "a material has at most {MATERIAL_FILE_BYTES_MAX} bytes, but this is larger"
         )));
     }
-    let text = fs::read(path).map_err(|error| BadInput(format!("{place}: {error}")))?;
-    let material: Material =
-        serde_json::from_slice(&text).map_err(|error| BadInput(format!("{place}: {error}")))?;
-    material
-        .check()
-        .map_err(|error| BadInput(format!("{place}: {error}")))?;
+    let material: Material = serde_json::from_slice(&text).map_err(|error| wrong(&error))?;
+    material.check().map_err(|error| wrong(&error))?;
     Ok(material)
 }

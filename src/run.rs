@@ -1,16 +1,15 @@
 //! `brdfarm run`: coordinator and workers in one process.
 
 use crate::dataset_command::{show, verify};
+use crate::plural::count;
 use crate::progress::FarmBar;
-use crate::{shutdown, specification};
+use crate::{cores, shutdown, specification};
 use clap::Args;
 use coordinator::export::{Format, export};
 use coordinator::{Coordinator, Progress, ReadOnlyStore, RunningCoordinator, Store};
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
-use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::thread::available_parallelism;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -19,8 +18,9 @@ use worker::{RenderFailure, RendererBackend, Worker, WorkerError};
 /// Materials on the contact sheet that a run ends with.
 const SHEET_MATERIALS_MAX: u32 = 12;
 
-/// Renders a dataset on this machine, checks every image, and writes a manifest and a contact
-/// sheet.
+/// Render a dataset on this machine, check it, write its manifest and a contact sheet
+///
+/// Coordinator and workers run in this one process.
 ///
 /// The same command again resumes where it was stopped, and says so when there is nothing to do;
 /// with more --materials it adds to what is there.
@@ -32,9 +32,10 @@ pub struct Options {
     #[arg(long, default_value = "store", value_name = "DIR")]
     store: PathBuf,
     /// Workers, each rendering one material at a time; 0 takes one a core
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    workers: usize,
-    /// How rays are traced, which changes no byte: auto, native, embree
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    workers: u64,
+    /// What traces the rays: auto, native or embree; the images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
 }
@@ -50,16 +51,12 @@ struct Rendered {
 /// Renders, checks and sums up.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
+    Coordinator::check(&specification, &coordinator_options())?;
     let store = Store::open_or_create(&options.store, &specification)?;
-    let cores = available_parallelism().map_or(1, NonZero::get);
-    let workers = if options.workers == 0 {
-        cores
-    } else {
-        options.workers
-    };
+    let workers = cores::count(options.workers);
+    // Lives to the end: it is what listens for somebody asking the process to stop.
     let runtime = tokio::runtime::Runtime::new()?;
-    let rendered = runtime.block_on(render(options, store, workers, cores))?;
-    drop(runtime);
+    let rendered = runtime.block_on(render(options, store, workers))?;
 
     let progress = rendered.progress;
     let images = progress.images - rendered.images_before;
@@ -80,22 +77,24 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     if images == 0 {
         writeln!(
             out,
-            "nothing to do: all {} materials ({} images) are complete",
-            progress.counts.materials, progress.images
+            "nothing to do: {} of {} complete",
+            count(progress.images, "image"),
+            count(progress.counts.materials, "material")
         )?;
     } else {
         let seconds = rendered.elapsed.as_secs_f64();
         writeln!(
             out,
-            "rendered {images} images in {seconds:.1} s: {:.1} images/s with {workers} workers, \
-             {:.1} MB",
+            "rendered {} in {seconds:.1} s: {:.1} images/s with {}, {:.1} MB",
+            count(images, "image"),
             images as f64 / seconds,
+            count(workers as u64, "worker"),
             progress.bytes_received as f64 / 1e6
         )?;
     }
     let store = ReadOnlyStore::open(&options.store)?;
     if images > 0 {
-        verify::check(&store, cores)?;
+        verify::check(&store, specification.materials, cores::count(0))?;
     }
     sum_up(&store, &options.store, &mut out)
 }
@@ -122,20 +121,19 @@ fn sum_up(store: &ReadOnlyStore, path: &Path, out: &mut impl Write) -> anyhow::R
     Ok(())
 }
 
-async fn render(
-    options: &Options,
-    store: Store,
-    workers: usize,
-    cores: usize,
-) -> anyhow::Result<Rendered> {
-    let materials = store.materials_asked();
-    let views = store.specification().views.len() as u64;
-    // The workers of an earlier run were part of its process, and nobody else knew its address.
-    let coordinator_options = coordinator::Options {
+fn coordinator_options() -> coordinator::Options {
+    coordinator::Options {
+        // The workers of an earlier run were part of its process, and nobody else knew its address.
         keep_leases: false,
         ..coordinator::Options::default()
-    };
-    let coordinator = Coordinator::start(store, coordinator_options).await?;
+    }
+}
+
+async fn render(options: &Options, store: Store, workers: usize) -> anyhow::Result<Rendered> {
+    let mut asked = shutdown::flag()?;
+    let materials = store.materials_asked();
+    let views = store.specification().views.len() as u64;
+    let coordinator = Coordinator::start(store, coordinator_options()).await?;
     let before = *coordinator.progress().borrow();
     let started = Instant::now();
     if before.is_finished() {
@@ -148,18 +146,18 @@ async fn render(
         });
     }
     let bar = FarmBar::new(u64::from(materials) * views, before.images);
-    let (stop, stopping) = shutdown::flag();
+    let (stop, stopping) = watch::channel(false);
     let mut working = JoinSet::new();
     for index in 0..workers {
         let url = coordinator.url();
         let worker_options = worker::Options {
             name: format!("local-{index}"),
-            threads: (cores / workers).max(1),
+            threads: (cores::count(0) / workers).max(1),
             ..worker::Options::default()
         };
         working.spawn(work(url, worker_options, options.backend, stopping.clone()));
     }
-    let outcome = attend(&coordinator, &mut working, &bar).await;
+    let outcome = attend(&coordinator, &mut working, &bar, &mut asked).await;
     stop.send_replace(true);
     while working.join_next().await.is_some() {}
     bar.clear();
@@ -195,21 +193,18 @@ async fn attend(
     coordinator: &RunningCoordinator,
     working: &mut JoinSet<Result<(), WorkerError>>,
     bar: &FarmBar,
+    asked: &mut watch::Receiver<bool>,
 ) -> anyhow::Result<bool> {
     let mut progress = coordinator.progress();
     let finished = coordinator.wait_until_finished();
-    let asked = shutdown::requested();
-    tokio::pin!(finished, asked);
+    tokio::pin!(finished);
     loop {
         tokio::select! {
             outcome = &mut finished => {
                 bar.show(&outcome?);
                 return Ok(false);
             }
-            asked = &mut asked => {
-                asked?;
-                return Ok(true);
-            }
+            () = shutdown::raised(asked) => return Ok(true),
             Ok(()) = progress.changed() => bar.show(&progress.borrow_and_update()),
             Some(ended) = working.join_next() => ended??,
         }

@@ -8,7 +8,8 @@ use std::path::PathBuf;
 /// The dataset's specification.
 #[derive(Clone, Debug, Args)]
 pub struct SpecificationOptions {
-    /// The dataset's specification, a TOML file; what it leaves out is as in the preset `maxbrdf`
+    /// The dataset's specification, a TOML file; what it leaves out, or all without a file, is as
+    /// in the preset maxbrdf
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
 }
@@ -28,7 +29,7 @@ impl SpecificationOptions {
 pub struct SetOptions {
     #[command(flatten)]
     specification: SpecificationOptions,
-    /// How many materials to render, where it is not as many as the specification says
+    /// How many materials the set has [default: as many as the specification says]
     #[arg(long, value_name = "N")]
     materials: Option<u32>,
 }

@@ -1,6 +1,7 @@
 //! `brdfarm worker connect`: a worker of a coordinator elsewhere.
 
-use crate::shutdown;
+use crate::plural::count;
+use crate::{cores, shutdown};
 use clap::{Args, Subcommand};
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
@@ -9,11 +10,13 @@ use worker::{RenderFailure, RendererBackend, Summary, Worker};
 /// What a worker can be told.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Render for a coordinator until nothing is left to do
     Connect(Options),
 }
 
-/// Leases materials, renders their views and delivers the images.
+/// Render for a coordinator until nothing is left to do
+///
+/// Leases materials, renders their views and delivers the images. Waits half a minute for a
+/// coordinator that does not answer yet, and an hour for one that goes away.
 ///
 /// Asked to stop (Ctrl-C, SIGTERM) it delivers what is rendered and hands back the rest; asked
 /// again it ends at once, and the coordinator gives its work to others when its leases run out.
@@ -22,13 +25,14 @@ pub struct Options {
     /// The coordinator, as in http://127.0.0.1:7117
     #[arg(value_name = "URL")]
     url: String,
-    /// What logs and the coordinator call this worker, where it is not its process
+    /// The worker's name in logs [default: worker- and the number of its process]
     #[arg(long)]
     name: Option<String>,
-    /// Threads to render with; 0 takes every core
-    #[arg(long, default_value_t = 0)]
-    threads: usize,
-    /// How rays are traced, which changes no byte: auto, native, embree
+    /// Threads to render with; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+    /// What traces the rays: auto, native or embree; the images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
     /// Stay when nothing is left to do, for a set that may grow
@@ -42,9 +46,9 @@ pub fn execute(Command::Connect(options): &Command) -> anyhow::Result<()> {
     let summary = runtime.block_on(work(options))?;
     writeln!(
         io::stdout(),
-        "{} materials, {} images; {} failed, {} lost to others",
-        summary.materials,
-        summary.images,
+        "{}, {}; {} failed, {} lost to others",
+        count(summary.materials, "material"),
+        count(summary.images, "image"),
         summary.failures,
         summary.lost
     )?;
@@ -55,7 +59,7 @@ async fn work(options: &Options) -> anyhow::Result<Summary> {
     let defaults = worker::Options::default();
     let worker_options = worker::Options {
         name: options.name.clone().unwrap_or(defaults.name),
-        threads: options.threads,
+        threads: cores::count(options.threads),
         leave_when_finished: !options.stay,
         ..defaults
     };
@@ -64,26 +68,12 @@ async fn work(options: &Options) -> anyhow::Result<Summary> {
         RendererBackend::new(specification, backend)
             .map_err(|error| RenderFailure(error.to_string()))
     });
+    let mut asked = shutdown::flag()?;
     let worker = tokio::select! {
         worker = connecting => worker?,
-        asked = shutdown::requested() => {
-            asked?;
+        () = shutdown::raised(&mut asked) => {
             anyhow::bail!("stopped before the coordinator answered");
         }
     };
-    let (stop, stopping) = shutdown::flag();
-    let working = worker.run(stopping);
-    tokio::pin!(working);
-    tokio::select! {
-        summary = &mut working => return Ok(summary?),
-        asked = shutdown::requested() => asked?,
-    }
-    stop.send_replace(true);
-    tokio::select! {
-        summary = &mut working => Ok(summary?),
-        asked = shutdown::requested() => {
-            asked?;
-            anyhow::bail!("stopped at once: unfinished work goes to others when its lease runs out");
-        }
-    }
+    Ok(worker.run(asked).await?)
 }

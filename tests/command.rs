@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::fs;
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
@@ -204,7 +204,8 @@ fn a_bad_specification_is_refused_in_one_sentence() {
 #[test]
 fn a_view_renders_again_to_its_digest_and_fails_loudly_otherwise() {
     let directory = tempfile::tempdir().expect("a directory");
-    let small = "[image]\nwidth = 24\nheight = 24\n[integrator]\nsamples_per_pixel = 16\n";
+    let small =
+        "[image]\nwidth = 24\nheight = 24\n[integrator]\nkind = \"path\"\nsamples_per_pixel = 16\n";
     fs::write(directory.path().join("spec.toml"), small).expect("written");
     fs::write(
         directory.path().join("other.toml"),
@@ -263,7 +264,7 @@ fn a_material_file_renders_and_a_bad_one_is_refused() {
     };
     write(
         "spec.toml",
-        "[image]\nwidth = 24\nheight = 24\n[integrator]\nsamples_per_pixel = 16\n",
+        "[image]\nwidth = 24\nheight = 24\n[integrator]\nkind = \"path\"\nsamples_per_pixel = 16\n",
     );
     let good = r#"{"roughness": 20, "anisotropy": 0.5, "angle_deg": 40, "ior": 2,
         "rgb0": [0.8, 0.5, 0.3], "rgb90": [1, 1, 1]}"#;
@@ -307,6 +308,93 @@ fn a_material_file_renders_and_a_bad_one_is_refused() {
         );
         assert!(!directory.path().join("bad.exr").exists());
     }
+}
+
+/// Answers come when they are due: another program may wait for one before it asks the next.
+#[test]
+fn brdf_answers_a_line_before_the_next_is_written() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_brdfarm"))
+        .arg("brdf")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("brdfarm runs");
+    let mut stdin = child.stdin.take().expect("a pipe");
+    let mut answers = BufReader::new(child.stdout.take().expect("a pipe")).lines();
+    for line in 1..=2 {
+        stdin.write_all(b"noise\r\n").expect("taken");
+        let answer = answers.next().expect("an answer").expect("a line");
+        let answer: Value = serde_json::from_str(&answer).expect("JSON");
+        assert_eq!(answer["line"], line);
+    }
+    drop(stdin);
+    assert!(child.wait().expect("an end").success());
+}
+
+/// Command lines that cannot be meant: exit code 2, the reason first, nothing written.
+#[test]
+fn a_wrong_command_line_is_refused_before_anything_is_written() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path();
+    fs::write(
+        path.join("huge.toml"),
+        "[image]\nwidth = 4096\nheight = 4096\n",
+    )
+    .expect("written");
+    fs::create_dir(path.join("occupied")).expect("made");
+    fs::write(path.join("occupied/thesis.tex"), "").expect("written");
+    let before = files(path);
+    for (arguments, expected) in [
+        ("run --workers 100000", "100000"),
+        ("run --materials 0", "--materials 0"),
+        ("run --spec huge.toml", "image.width"),
+        ("run --store occupied", "thesis.tex"),
+        ("coordinator serve --listen 0.0.0.0:0", "--insecure"),
+        ("worker connect farm:7117", "http://HOST:PORT"),
+        ("worker connect http://farm:7117/jobs", "http://HOST:PORT"),
+        ("dataset verify --store nowhere", "no store in nowhere"),
+        ("dataset show --materials 5-3 --out x.png", "5-3"),
+        ("dataset show --out x.jpg", ".png"),
+        (
+            "dataset manifest export --format csv --store occupied",
+            "no store",
+        ),
+        ("render --material 0 --view 14 --out x.exr", "14 views"),
+        ("render --material 0 --view 0 --out x.jpg", ".exr or .png"),
+        (
+            "render --material 0 --view 0 --seed 9223372036854775808 --out x.exr",
+            "--seed",
+        ),
+        (
+            "render --material 0 --view 0 --exposure nan --out x.png",
+            "exposure",
+        ),
+        ("render --material 0 --view 0 --expect 12ab", "64"),
+        (
+            "render --material-file /dev/zero --view 0 --out x.exr",
+            "65536 bytes",
+        ),
+    ] {
+        let words: Vec<_> = arguments.split(' ').collect();
+        let output = brdfarm(&words, path);
+        let stderr = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {stderr}");
+        let first = stderr.lines().next().expect("a reason");
+        assert!(
+            first.starts_with("error: ") && first.contains(expected),
+            "{arguments}: {stderr}"
+        );
+        assert_eq!(output.stdout, b"", "{arguments}");
+        assert_eq!(files(path), before, "{arguments}: files appeared");
+    }
+    assert_eq!(files(&path.join("occupied")), ["thesis.tex"]);
+}
+
+#[test]
+fn a_cause_is_told_once() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let output = brdfarm(&["run", "--spec", "none.toml"], directory.path());
+    assert_eq!(text(&output.stderr).matches("No such file").count(), 1);
 }
 
 #[test]

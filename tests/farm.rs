@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -18,6 +18,7 @@ materials = 20
 width = 32
 height = 32
 [integrator]
+kind = "path"
 samples_per_pixel = 16
 "#;
 
@@ -199,6 +200,9 @@ fn a_killed_coordinator_resumes_with_what_it_acknowledged() {
         "acknowledged work is gone"
     );
 
+    // Fewer than the store was made for: those are what is checked.
+    let fewer = succeed(directory, "run --spec spec.toml --store farm --materials 8");
+    assert!(fewer.contains("verified 112 images of 8"), "{fewer}");
     let summary = succeed(directory, "run --spec spec.toml --store farm");
     assert!(summary.contains("store "), "{summary}");
     let after = manifest(directory, "farm");
@@ -243,6 +247,77 @@ fn a_run_resumes_grows_and_says_when_there_is_nothing_to_do() {
     .expect("written");
     let other = run(directory, "run --spec other.toml");
     assert!(!other.status.success(), "another specification was let in");
+}
+
+/// Asked to stop or killed: the same command goes on, and never waits for a lease of the
+/// process that is gone to run out (a minute).
+#[test]
+fn a_run_that_is_stopped_or_killed_goes_on_at_once() {
+    let directory = workplace();
+    let directory = directory.path();
+    for (signal, code) in [("TERM", Some(1)), ("KILL", None)] {
+        let mut child = brdfarm(directory)
+            .args(["run", "--spec", "spec.toml", "--store", signal])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("a run");
+        wait_for_completions(&directory.join(signal), 1);
+        let sent = Command::new("kill")
+            .args(["-s", signal, &child.id().to_string()])
+            .status();
+        assert!(sent.expect("kill runs").success());
+        let mut said = String::new();
+        let mut stderr = child.stderr.take().expect("a pipe");
+        stderr.read_to_string(&mut said).expect("text");
+        assert_eq!(child.wait().expect("an end").code(), code, "{said}");
+        assert_eq!(said.contains("the same command goes on"), code.is_some());
+
+        let resumed = Instant::now();
+        let arguments = format!("run --spec spec.toml --store {signal}");
+        let summary = succeed(directory, &arguments);
+        assert!(summary.contains("verified 280 images"), "{summary}");
+        assert!(resumed.elapsed() < Duration::from_secs(40));
+    }
+    assert_eq!(manifest(directory, "TERM"), manifest(directory, "KILL"));
+}
+
+#[test]
+fn logs_go_to_standard_error_and_are_plain_in_a_file() {
+    let directory = workplace();
+    let output = run(
+        directory.path(),
+        "run --spec spec.toml --materials 1 --log info",
+    );
+    let [stdout, stderr] =
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
+    assert!(stderr.contains("the coordinator listens"), "{stderr}");
+    assert!(!stderr.contains('\u{1b}'), "{stderr}");
+    let begins: Vec<_> = stdout
+        .lines()
+        .map(|line| line.split_whitespace().next().expect("a word"))
+        .collect();
+    assert_eq!(
+        begins,
+        ["rendered", "verified", "store", "manifest", "contact"],
+        "{stdout}"
+    );
+}
+
+/// A link, as /dev/stdout is one, leads on; it is not replaced by a file.
+#[test]
+fn a_manifest_goes_through_a_link() {
+    let directory = workplace();
+    let directory = directory.path();
+    succeed(directory, "run --spec spec.toml --materials 1");
+    std::os::unix::fs::symlink("there.csv", directory.join("link.csv")).expect("a link");
+    succeed(
+        directory,
+        "dataset manifest export --format csv --out link.csv",
+    );
+    let there = fs::read_to_string(directory.join("there.csv")).expect("a manifest");
+    assert_eq!(there.lines().count(), 1 + 14);
+    assert!(directory.join("link.csv").is_symlink());
 }
 
 #[test]

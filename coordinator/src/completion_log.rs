@@ -228,6 +228,7 @@ mod tests {
                 max: 4.0,
                 within_target: 1.0,
                 samples: u64::MAX,
+                evaluations: 7,
             },
         };
         Completion {

@@ -258,6 +258,7 @@ mod tests {
             max: 0.3,
             within_target: 0.9,
             samples: 64,
+            evaluations: 7,
         };
         Completion {
             material,

@@ -8,7 +8,10 @@ use crate::{
     service::Service,
     store::Store,
 };
-use dataset::specification::{Image, Pixel};
+use dataset::{
+    Specification,
+    specification::{Image, Pixel},
+};
 use std::{
     fs::File,
     io,
@@ -107,16 +110,24 @@ pub struct RunningCoordinator {
 pub struct Coordinator;
 
 impl Coordinator {
+    /// Whether a dataset can be served so; asked before a store is made for it.
+    ///
+    /// # Errors
+    /// When the address is exposed without consent, or an image may not fit a message.
+    pub fn check(specification: &Specification, options: &Options) -> Result<(), CoordinatorError> {
+        if !options.listen.ip().is_loopback() && !options.insecure {
+            return Err(CoordinatorError::Exposed(options.listen));
+        }
+        check_image_size(&specification.image)
+    }
+
     /// Serves `store` until [`RunningCoordinator::shutdown`]. Has to be called inside a runtime.
     pub async fn start(
         store: Store,
         options: Options,
     ) -> Result<RunningCoordinator, CoordinatorError> {
+        Self::check(store.specification(), &options)?;
         let listen = options.listen;
-        if !listen.ip().is_loopback() && !options.insecure {
-            return Err(CoordinatorError::Exposed(listen));
-        }
-        check_image_size(&store.specification().image)?;
         let unable = |source| CoordinatorError::Listen {
             address: listen,
             source,

@@ -286,6 +286,7 @@ fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {
             max: statistics.max,
             within_target: statistics.within_target,
             samples: statistics.samples,
+            evaluations: statistics.evaluations,
         },
     })
 }

@@ -41,6 +41,18 @@ pub enum StoreError {
     /// There is no store.
     #[error("there is no store in {}: it has no specification.json", .0.display())]
     Absent(PathBuf),
+    /// There is no store, and something else is in the folder.
+    #[error(
+        "{} is no store, since it has no specification.json, and holds {found:?}: choose an empty \
+         or a new folder",
+        path.display()
+    )]
+    Occupied {
+        /// The folder.
+        path: PathBuf,
+        /// The first thing found in it.
+        found: String,
+    },
     /// Another process writes to it.
     #[error(
         "another coordinator is using the store {}: wait until it ends, or choose another store",
@@ -113,6 +125,10 @@ impl Store {
     /// Opens the store in a folder, or makes one, for a specification.
     pub fn open_or_create(path: &Path, specification: &Specification) -> Result<Self, StoreError> {
         fs::create_dir_all(path).map_err(FileError::new("make", path))?;
+        if matches!(read_specification(path), Err(StoreError::Absent(_))) {
+            // Before the lock, which would leave a file behind in a folder of somebody else.
+            check_vacant(path)?;
+        }
         let lock = acquire(path)?;
         let kept = match read_specification(path) {
             Err(StoreError::Absent(_)) => {
@@ -278,6 +294,29 @@ fn acquire(store: &Path) -> Result<File, StoreError> {
     }
 }
 
+/// Refuses a folder that holds anything but what a making that was cut short leaves behind. A store
+/// that lost its specification is such a folder: nothing says what its images are.
+fn check_vacant(path: &Path) -> Result<(), StoreError> {
+    const LEFT_BEHIND: [&str; 5] = [
+        "lock",
+        "lost+found",
+        "specification.json.new",
+        "store.json",
+        "store.json.new",
+    ];
+    let unreadable = |error| FileError::new("read", path)(error);
+    for entry in fs::read_dir(path).map_err(unreadable)? {
+        let name = entry.map_err(unreadable)?.file_name();
+        if !LEFT_BEHIND.iter().any(|left| name == *left) {
+            return Err(StoreError::Occupied {
+                path: path.to_owned(),
+                found: name.to_string_lossy().into_owned(),
+            });
+        }
+    }
+    Ok(())
+}
+
 /// The identity goes first: the folder is a store from the moment it has a specification.
 fn create(path: &Path, specification: &Specification) -> Result<(), StoreError> {
     let identity = Identity {
@@ -321,7 +360,12 @@ fn write_specification(store: &Path, specification: &Specification) -> Result<()
 fn read_specification(store: &Path) -> Result<Specification, StoreError> {
     let path = store.join("specification.json");
     let json = match read_bounded(&path) {
-        Err(StoreError::File(error)) if error.source.kind() == io::ErrorKind::NotFound => {
+        Err(StoreError::File(FileError { source, .. }))
+            if matches!(
+                source.kind(),
+                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+            ) =>
+        {
             return Err(StoreError::Absent(store.to_owned()));
         }
         json => json?,

@@ -35,7 +35,7 @@ pub struct Fault {
 /// What a check found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
-    /// Materials the store should have.
+    /// Materials that were to be checked.
     pub materials: u32,
     /// Images without a fault.
     pub images_sound: u64,
@@ -48,7 +48,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether the store holds the whole dataset, without a fault.
+    /// Whether all of it is there, without a fault.
     pub fn is_sound(&self) -> bool {
         self.faults.is_empty()
     }
@@ -67,20 +67,25 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Checks a store with `threads` threads, at least one. `progress` is told, from any of them, how
-/// many images have been looked at.
-pub fn verify(store: &ReadOnlyStore, threads: usize, progress: &(dyn Fn(u64) + Sync)) -> Report {
+/// Checks the first `materials` of a store with `threads` threads, at least one. `progress` is
+/// told, from any of them, how many images have been looked at.
+pub fn verify(
+    store: &ReadOnlyStore,
+    materials: u32,
+    threads: usize,
+    progress: &(dyn Fn(u64) + Sync),
+) -> Report {
     let next = AtomicU32::new(0);
     let looked_at = AtomicU64::new(0);
     let report = Mutex::new(Report {
-        materials: store.specification().materials,
+        materials,
         log_lines_damaged: store.log_lines_damaged(),
         ..Report::default()
     });
     let work = || {
         loop {
             let material = next.fetch_add(1, Ordering::Relaxed);
-            if material >= store.specification().materials {
+            if material >= materials {
                 return;
             }
             let found = verify_material(store, material);

@@ -17,7 +17,7 @@ pub enum ParseDigestError {
     #[error("a digest is 64 hexadecimal digits, but this text has {0} bytes")]
     Length(usize),
     /// A character, counted from 0, is not one of `0-9 a-f`.
-    #[error("a digest is 64 digits of 0-9 and a-f, but character {0} is none")]
+    #[error("a digest is 64 digits of 0-9 and a-f, but byte {0} of this text is none of them")]
     Digit(usize),
 }
 

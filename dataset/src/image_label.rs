@@ -45,6 +45,8 @@ pub struct ErrorStatistics {
     pub max: f64,
     /// The fraction of pixels whose estimated error meets the specification's accuracy.
     pub within_target: f64,
-    /// Light paths traced from the camera.
+    /// Light paths traced from the camera, by the path tracer.
     pub samples: u64,
+    /// Evaluations of the reflectance model, by the hybrid integrator.
+    pub evaluations: u64,
 }

@@ -365,8 +365,7 @@ fn the_hash_sees_every_value_but_name_and_materials() {
                 "maxbrdf" => "other".into(),
                 "hue" => "product".into(),
                 "half" => "float".into(),
-                // There is one integrator.
-                "path" => continue,
+                "hybrid" => "path".into(),
                 _ => unreachable!("{path}"),
             },
             _ => unreachable!("{path}"),

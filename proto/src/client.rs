@@ -10,12 +10,15 @@ use tonic::{Request, transport::Endpoint};
 /// # Errors
 /// The sentence that says what is wrong with the URL.
 pub fn connect_lazily(url: &str) -> Result<FarmClient, String> {
-    let endpoint = Endpoint::from_shared(url.to_owned())
-        .map_err(|_| format!("{url:?} is no URL of a coordinator: write http://HOST:PORT"))?;
-    if endpoint.uri().scheme_str() != Some("http") || endpoint.uri().host().is_none() {
-        return Err(format!(
-            "{url:?} is no URL of a coordinator: write http://HOST:PORT"
-        ));
+    let wrong = || format!("{url:?} is no URL of a coordinator: write http://HOST:PORT");
+    let endpoint = Endpoint::from_shared(url.to_owned()).map_err(|_| wrong())?;
+    let uri = endpoint.uri();
+    let bare = matches!(uri.path(), "" | "/") && uri.query().is_none();
+    let anonymous = uri
+        .authority()
+        .is_some_and(|place| !place.as_str().contains('@'));
+    if uri.scheme_str() != Some("http") || !bare || !anonymous {
+        return Err(wrong());
     }
     let channel = endpoint
         .connect_timeout(limits::CONNECT_DEADLINE)
@@ -53,6 +56,8 @@ mod tests {
             "127.0.0.1:7117",
             "ftp://host:1",
             "http://",
+            "http://host:1/path",
+            "http://user@host:1",
             "nonsense url",
         ] {
             let message = connect_lazily(url).unwrap_err();

@@ -23,8 +23,13 @@ pub struct FilmPixel {
 }
 
 impl Film {
-    /// The statistics of the estimated errors; `samples` light paths were spent.
-    pub fn statistics(&self, accuracy: &Accuracy, samples: u64) -> ErrorStatistics {
+    /// The statistics of the estimated errors, for so many light paths and evaluations spent.
+    pub fn statistics(
+        &self,
+        accuracy: &Accuracy,
+        samples: u64,
+        evaluations: u64,
+    ) -> ErrorStatistics {
         let mut errors: Vec<f64> = self.pixels.iter().map(|pixel| pixel.error).collect();
         errors.sort_unstable_by(f64::total_cmp);
         let count = errors.len();
@@ -39,6 +44,7 @@ impl Film {
             max: errors[count - 1],
             within_target: met as f64 / count as f64,
             samples,
+            evaluations,
         }
     }
 }

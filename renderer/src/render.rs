@@ -3,28 +3,31 @@
 use crate::exr_file::{self, ExrError};
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
+use crate::hybrid::Stage;
 use crate::path;
 use crate::reflectance::Reflectance;
+use crate::replicates::{REPLICATES, estimate};
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::Scene;
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
-    specification::View,
+    specification::IntegratorKind,
 };
 use rayon::prelude::*;
-
-/// Independent scrambles a pixel is rendered in; their spread measures its error.
-const REPLICATES: u32 = 8;
-
-/// The 0.975 quantile of Student's t with `REPLICATES - 1` degrees of freedom.
-const T_QUANTILE: f64 = 2.364_624_251_592_784_5;
 
 /// Renders views of materials under one specification. The scenes of all views are built once.
 #[derive(Debug)]
 pub struct Renderer {
     specification: Specification,
     specification_hash: Digest,
-    scenes: Vec<Scene>,
+    views: Vec<PreparedView>,
+}
+
+/// A view's scene and, where the hybrid integrator is wanted and can render it, its stage.
+#[derive(Debug)]
+struct PreparedView {
+    scene: Scene,
+    stage: Option<Stage>,
 }
 
 /// A rendered view.
@@ -80,19 +83,27 @@ impl Renderer {
     /// # Errors
     /// When the chosen backend is not to be had.
     pub fn new(specification: &Specification, backend: BackendChoice) -> Result<Self, RenderError> {
-        let scenes = (0..specification.views.len())
+        let views = (0..specification.views.len())
             .filter_map(|view| Scene::new(specification, view, backend))
-            .collect::<Result<_, _>>()?;
+            .map(|scene| {
+                let scene = scene?;
+                let stage = match specification.integrator.kind {
+                    IntegratorKind::Hybrid => Stage::new(&scene, specification),
+                    IntegratorKind::Path => None,
+                };
+                Ok(PreparedView { scene, stage })
+            })
+            .collect::<Result<_, RenderError>>()?;
         Ok(Self {
             specification: specification.clone(),
             specification_hash: specification.hash(),
-            scenes,
+            views,
         })
     }
 
     /// The backend that intersects rays, for the user's information: all give the same bytes.
     pub fn backend(&self) -> Option<BackendKind> {
-        self.scenes.first().map(|scene| scene.geometry.backend())
+        self.views.first().map(|view| view.scene.geometry.backend())
     }
 
     /// Renders view `view` of `material`, whose index in the set is `material_index` if it is
@@ -107,13 +118,13 @@ impl Renderer {
         view: u32,
     ) -> Result<Rendering, RenderError> {
         material.check()?;
-        let (Some(scene), Some(view_specification)) = (
-            self.scenes.get(view as usize),
+        let (Some(prepared), Some(view_specification)) = (
+            self.views.get(view as usize),
             self.specification.views.get(view as usize),
         ) else {
             return Err(RenderError::NoSuchView {
                 view,
-                count: self.scenes.len(),
+                count: self.views.len(),
             });
         };
         let header = ImageHeader {
@@ -125,14 +136,23 @@ impl Renderer {
             tint: self.specification.tint,
             renderer_version: RENDERER_VERSION.to_owned(),
         };
-        let film = self.trace(scene, view_specification, material, sampler_key(&header))?;
+        let key = sampler_key(&header);
+        let rotation_deg = view_specification.rotation_deg;
+        let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
+        let (film, samples, evaluations) = match &prepared.stage {
+            Some(stage) => {
+                let (film, evaluations) = stage.render(&reflectance, key);
+                (film, 0, evaluations)
+            }
+            None => {
+                let (film, samples) = self.trace(&prepared.scene, &reflectance, key);
+                (film, samples, 0)
+            }
+        };
         check_pixels(&film, view)?;
-        let samples = u64::from(film.width)
-            * u64::from(film.height)
-            * u64::from(self.specification.integrator.samples_per_pixel);
         Ok(Rendering {
             exr: exr_file::encode(&film, self.specification.image.pixel, &header, self.white())?,
-            statistics: film.statistics(&self.specification.accuracy, samples),
+            statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
         })
     }
@@ -146,16 +166,10 @@ impl Renderer {
         flux_lm / sphere_m2 / std::f64::consts::PI
     }
 
-    fn trace(
-        &self,
-        scene: &Scene,
-        view: &View,
-        material: &Material,
-        key: u64,
-    ) -> Result<Film, RenderError> {
+    /// Traces paths over the film; also how many.
+    fn trace(&self, scene: &Scene, reflectance: &Reflectance, key: u64) -> (Film, u64) {
         let image = &self.specification.image;
         let integrator = &self.specification.integrator;
-        let reflectance = Reflectance::new(material, view.rotation_deg, self.specification.tint);
         let count = integrator.samples_per_pixel / REPLICATES;
         let pixel = |column: u32, row: u32| {
             let mut means = [[0.0; 3]; REPLICATES as usize];
@@ -166,7 +180,7 @@ impl Renderer {
                     let ray = scene.camera.ray(f64::from(column) + x, f64::from(row) + y);
                     let radiance = path::radiance(
                         scene,
-                        &reflectance,
+                        reflectance,
                         ray,
                         &sampler,
                         index,
@@ -188,29 +202,16 @@ impl Renderer {
                     *place = pixel(column, row);
                 }
             });
-        Ok(Film {
+        let film = Film {
             width: image.width,
             height: image.height,
             pixels,
-        })
+        };
+        let samples = u64::from(image.width)
+            * u64::from(image.height)
+            * u64::from(integrator.samples_per_pixel);
+        (film, samples)
     }
-}
-
-/// A pixel from the means of its independent replicates, with the t-interval of the worst channel.
-fn estimate(means: &[[f64; 3]; REPLICATES as usize]) -> FilmPixel {
-    let count = f64::from(REPLICATES);
-    let mut pixel = FilmPixel::default();
-    for channel in 0..3 {
-        let mean = means.iter().map(|mean| mean[channel]).sum::<f64>() / count;
-        let squares: f64 = means
-            .iter()
-            .map(|replicate| (replicate[channel] - mean) * (replicate[channel] - mean))
-            .sum();
-        pixel.value[channel] = mean;
-        let standard_error = (squares / (count - 1.0) / count).sqrt();
-        pixel.error = pixel.error.max(T_QUANTILE * standard_error);
-    }
-    pixel
 }
 
 /// The key of an image's samplers: of what names the image, not of the material's numbers, so that

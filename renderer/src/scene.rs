@@ -3,12 +3,16 @@
 use crate::geometry::{
     BackendChoice, Geometry, GeometryError, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
 };
+use crate::hybrid::chart::Panel;
 use crate::vector::Vec3;
 use dataset::specification::{Checker, Specification};
 
 // The sample is primitive 0.
 const BULB: PrimitiveId = PrimitiveId(1);
 const CHART: PrimitiveId = PrimitiveId(2);
+
+/// The least cosine from the camera's axis of what is projected.
+const NEAREST_DEPTH: f64 = 1e-3;
 
 /// A view's scene. Radiance is in units of white: that of a perfect diffuser at the origin which
 /// faces the bulb.
@@ -20,7 +24,8 @@ pub struct Scene {
     pub geometry: Geometry,
     /// The camera.
     pub camera: PinholeCamera,
-    chart: Option<Chart>,
+    /// The colour chart, if it is there.
+    pub chart: Option<Chart>,
 }
 
 /// The spherical emitter.
@@ -37,7 +42,8 @@ pub struct Bulb {
 /// The rays of a pinhole camera.
 #[derive(Clone, Copy, Debug)]
 pub struct PinholeCamera {
-    position: Vec3,
+    /// The pinhole.
+    pub position: Vec3,
     forward: Vec3,
     /// A pixel to the right, at unit distance.
     column_step: Vec3,
@@ -59,24 +65,69 @@ impl PinholeCamera {
             direction: direction.normalized(),
         }
     }
+
+    /// The film point (column, row) that sees a point; `None` for one that is not in front of the
+    /// camera.
+    pub fn project(&self, point: Vec3) -> Option<[f64; 2]> {
+        let offset = point - self.position;
+        let depth = offset.dot(self.forward);
+        if depth <= NEAREST_DEPTH * offset.length() {
+            return None;
+        }
+        let scale = 1.0 / (depth * self.pixel_size() * self.pixel_size());
+        let [width, height] = self.size.map(f64::from);
+        Some([
+            0.5 * width + offset.dot(self.column_step) * scale,
+            0.5 * height + offset.dot(self.row_step) * scale,
+        ])
+    }
+
+    /// A pixel's side at unit distance.
+    pub fn pixel_size(&self) -> f64 {
+        self.column_step.length()
+    }
+
+    /// Whether a sphere may be on the film, or between the film and what it sees.
+    pub fn may_see(&self, centre: Vec3, radius: f64) -> bool {
+        let offset = centre - self.position;
+        let distance = offset.length();
+        if distance <= radius {
+            return true;
+        }
+        let [width, height] = self.size.map(f64::from);
+        let corner = 0.5 * self.pixel_size() * libm::hypot(width, height);
+        let angle = libm::acos((offset.dot(self.forward) / distance).clamp(-1.0, 1.0));
+        angle <= libm::atan(corner) + libm::asin(radius / distance)
+    }
 }
 
+/// The colour chart: one rectangle that looks up its patch.
 #[derive(Debug)]
-struct Chart {
+pub struct Chart {
     frame: Frame,
-    columns: u32,
-    rows: u32,
+    panel: Panel,
     /// Linear Rec.709, far row first.
     patches: Vec<[f64; 3]>,
 }
 
 impl Chart {
+    /// Its place and division.
+    pub fn panel(&self) -> Panel {
+        self.panel
+    }
+
+    /// The patches' reflectances, linear Rec.709, far row first, each row from -x to +x.
+    pub fn patches(&self) -> &[[f64; 3]] {
+        &self.patches
+    }
+
     /// The reflectance at (u, v) of the panel, v rising away from the sample.
     fn colour(&self, u: f64, v: f64) -> [f64; 3] {
         let cell =
             |position: f64, count: u32| ((position * f64::from(count)) as u32).min(count - 1);
-        let row = self.rows - 1 - cell(v, self.rows);
-        self.patches[(row * self.columns + cell(u, self.columns)) as usize]
+        let Panel { columns, rows, .. } = self.panel;
+        let row = rows - 1 - cell(v, rows);
+        self.patches[(row * columns + cell(u, columns)) as usize]
     }
 }
 
@@ -238,8 +289,15 @@ fn chart(checker: &Checker) -> (Rectangle, Chart) {
         Rectangle::new(corner, frame.x, frame.y, width, height),
         Chart {
             frame,
-            columns: checker.columns,
-            rows: checker.rows,
+            panel: Panel {
+                corner,
+                x: frame.x,
+                y: frame.y,
+                z: frame.z,
+                pitch: checker.pitch_m,
+                columns: checker.columns,
+                rows: checker.rows,
+            },
             patches,
         },
     )

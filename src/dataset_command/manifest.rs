@@ -1,6 +1,7 @@
 //! `brdfarm dataset manifest export`.
 
 use super::StoreOptions;
+use crate::plural::count;
 use clap::{Args, Subcommand, ValueEnum};
 use coordinator::ReadOnlyStore;
 use coordinator::export::{self, export};
@@ -10,12 +11,12 @@ use std::path::PathBuf;
 /// What can be done with a manifest.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Write the manifest of a store
     Export(Options),
 }
 
-/// Writes one row an image: labels, split, geometry, digest, size, path and measured error.
+/// Write the manifest of a store
 ///
+/// One row an image: labels, split, geometry, digest, size, path and measured error.
 /// The same images give the same bytes, wherever and in whatever order they were rendered.
 #[derive(Debug, Args)]
 pub struct Options {
@@ -24,10 +25,10 @@ pub struct Options {
     /// How the manifest is written
     #[arg(long, value_enum)]
     format: Format,
-    /// Where to; in the store as manifest.jsonl, .csv or .parquet where it is left out
+    /// Where to write [default: manifest.jsonl, .csv or .parquet in the store]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write a manifest of an incomplete store
+    /// Write the manifest although materials are missing
     #[arg(long)]
     partial: bool,
 }
@@ -56,9 +57,10 @@ pub fn execute(Command::Export(options): &Command) -> anyhow::Result<()> {
     };
     let exported = export(&store, format, options.partial, &path)?;
     let mut out = io::stdout();
-    write!(out, "{}: {} rows", path.display(), exported.rows)?;
+    write!(out, "{}: {}", path.display(), count(exported.rows, "row"))?;
     if exported.materials_missing > 0 {
-        write!(out, ", {} materials missing", exported.materials_missing)?;
+        let missing = count(exported.materials_missing, "material");
+        write!(out, ", {missing} missing")?;
     }
     writeln!(out)?;
     Ok(())

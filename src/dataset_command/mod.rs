@@ -11,21 +11,18 @@ use std::path::PathBuf;
 /// What can be done with a dataset.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// The labels, a row an image
+    /// Take out the labels, a row an image
     #[command(subcommand)]
     Manifest(manifest::Command),
-    /// Check every image: present, intact, finite, and what it says it is
     Verify(verify::Options),
-    /// Make a contact sheet (PNG): a row a material, a column a view
     Show(show::Options),
-    /// Print a complete specification, and its hash as a comment
     Specification(specification::Options),
 }
 
 /// The store that a command works on.
 #[derive(Debug, Args)]
 pub struct StoreOptions {
-    /// The folder that images, labels and ledger live in
+    /// The folder of the store
     #[arg(long, default_value = "store", value_name = "DIR")]
     store: PathBuf,
 }

@@ -2,7 +2,8 @@
 
 use super::StoreOptions;
 use crate::failure::BadInput;
-use crate::picture::ContactSheet;
+use crate::output;
+use crate::picture::{self, ContactSheet};
 use anyhow::Context;
 use clap::Args;
 use coordinator::ReadOnlyStore;
@@ -14,7 +15,10 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Writes a picture of chosen materials and views, numbered, in sRGB, clipped at white.
+/// Make a contact sheet (PNG): a row a material, a column a view
+///
+/// Materials and views are numbered; colours are sRGB, clipped at white. What is not rendered yet
+/// stays blank.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
@@ -22,13 +26,14 @@ pub struct Options {
     /// Which materials, as in 0-11 or 3,5,8-10
     #[arg(long, default_value = "0-11", value_name = "LIST")]
     materials: IndexList,
-    /// Which views; all where it is left out
+    /// Which views [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
-    /// Brightness, in stops
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    /// Brightness, in stops: each doubles it
+    #[arg(long, default_value_t = 0.0, value_name = "STOPS", allow_negative_numbers = true,
+          value_parser = picture::parse_exposure)]
     exposure: f64,
-    /// Where to write
+    /// Where to write, a .png file
     #[arg(long, default_value = "contact-sheet.png", value_name = "FILE")]
     out: PathBuf,
 }
@@ -47,9 +52,15 @@ impl FromStr for IndexList {
                 .map_err(|_| format!("{text:?} is no index: write a list as in 3,5,8-10"))
         };
         text.split(',')
-            .map(|part| match part.split_once('-') {
-                Some((first, last)) => Ok(index(first)?..=index(last)?),
-                None => index(part).map(|only| only..=only),
+            .map(|part| {
+                let (first, last) = part.split_once('-').unwrap_or((part, part));
+                let range = index(first)?..=index(last)?;
+                if range.is_empty() {
+                    return Err(format!(
+                        "{part:?} runs backwards: write the lower end first"
+                    ));
+                }
+                Ok(range)
             })
             .collect::<Result<_, String>>()
             .map(Self)
@@ -76,6 +87,7 @@ impl IndexList {
 
 /// Writes the sheet.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
+    output::ending(&options.out, &["png"])?;
     let store = ReadOnlyStore::open(&options.store.store)?;
     let specification = store.specification();
     let view_count = specification.views.len() as u32;
@@ -126,5 +138,5 @@ pub fn write_sheet(
             sheet.place(row, column, &decode_exr(&bytes)?);
         }
     }
-    fs::write(path, sheet.finish()?).with_context(|| format!("cannot write {}", path.display()))
+    output::write(path, &sheet.finish()?)
 }

@@ -4,8 +4,10 @@ use crate::specification;
 use clap::Args;
 use std::io::{self, Write};
 
-/// Prints every field of a specification, those of the preset that it leaves out too, and the hash
-/// that stands in every image and manifest row.
+/// Print a complete specification, and its hash as a comment
+///
+/// Prints every field, those too that the file leaves to the preset, and the hash that stands in
+/// every image and manifest row.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]

@@ -23,6 +23,19 @@ pub fn develop(
     encode_png(&picture)
 }
 
+/// The darkest and the brightest that a picture can be made, in stops.
+const EXPOSURE_STOPS_MAX: f64 = 64.0;
+
+/// Reads an exposure, in stops.
+pub fn parse_exposure(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|stops: &f64| stops.abs() <= EXPOSURE_STOPS_MAX)
+        .ok_or_else(|| {
+            format!("exposure is a number from -{EXPOSURE_STOPS_MAX} to {EXPOSURE_STOPS_MAX}")
+        })
+}
+
 fn to_srgb8(value: [f64; 3], exposure_stops: f64) -> [u8; 3] {
     let gain = libm::exp2(exposure_stops);
     value.map(|channel| (255.0 * srgb_from_linear((channel * gain).clamp(0.0, 1.0))).round() as u8)

@@ -5,10 +5,13 @@ use proto::{
     FarmClient,
     client::{connect_lazily, with_deadline_after},
 };
-use std::time::Duration;
+use std::{error::Error, time::Duration};
 use thiserror::Error;
 use tokio::time::{Instant, sleep};
 use tonic::{Code, Request, Response, Status};
+
+/// Attempts of a call that fail without a word: a coordinator that is just starting is no news.
+const ATTEMPTS_QUIET: u32 = 3;
 
 /// Why a call has no answer.
 #[derive(Clone, Debug, Error)]
@@ -17,8 +20,22 @@ pub(crate) enum CallError {
     #[error("{}", .0.message())]
     Refused(Status),
     /// The coordinator cannot be reached, or cannot answer.
-    #[error("the coordinator did not answer for {} s: {}", .0.as_secs(), .1.message())]
+    #[error("the coordinator did not answer for {} s: {}", .0.as_secs(), reason(.1))]
     Away(Duration, Status),
+}
+
+/// What a status says, and the innermost of its causes: the network's own words.
+fn reason(status: &Status) -> String {
+    let mut innermost = None;
+    let mut cause = status.source();
+    while let Some(error) = cause {
+        innermost = Some(error.to_string());
+        cause = error.source();
+    }
+    match innermost {
+        Some(cause) if cause != status.message() => format!("{}: {cause}", status.message()),
+        _ => status.message().to_owned(),
+    }
 }
 
 /// The line to one coordinator. Cheap to clone.
@@ -78,8 +95,12 @@ impl Connection {
             if away >= self.away_max {
                 return Err(CallError::Away(away, status));
             }
-            if attempt == 1 {
-                tracing::warn!(reason = status.message(), "the coordinator is away");
+            if attempt == ATTEMPTS_QUIET {
+                let reason = reason(&status);
+                tracing::warn!(
+                    reason,
+                    "a call to the coordinator keeps failing, trying again"
+                );
             }
             sleep(pause(attempt).min(self.away_max - away)).await;
         }

@@ -161,6 +161,7 @@ fn completion(job: &Job, rendered: &RenderedJob) -> CompleteRequest {
                 max: statistics.max,
                 within_target: statistics.within_target,
                 samples: statistics.samples,
+                evaluations: statistics.evaluations,
             }),
         }
     });

@@ -62,7 +62,7 @@ pub enum WorkerError {
     #[error("{0}")]
     Url(String),
     /// The coordinator cannot be reached.
-    #[error("{url} is not to be reached: {reason}")]
+    #[error("cannot work for {url}: {reason}")]
     Away {
         /// Where it should be.
         url: String,

@@ -91,7 +91,8 @@ impl FromStr for Format {
     }
 }
 
-/// Writes a store's manifest to the file `output`, which appears when it is whole and durable.
+/// Writes a store's manifest to the file `output`, which appears when it is whole and durable. What
+/// is no plain file, such as a device or a pipe, is written to directly: a rename would replace it.
 ///
 /// # Errors
 /// Refuses a store that is not complete unless `partial`.
@@ -109,26 +110,37 @@ pub fn export(
             materials: store.specification().materials,
         });
     }
+    let unable = |error| FileError::new("write", output)(error);
+    let named = |error| match error {
+        ExportError::Io(error) => unable(error).into(),
+        error => error,
+    };
+    if fs::symlink_metadata(output).is_ok_and(|there| !there.is_file()) {
+        let file = File::create(output).map_err(unable)?;
+        return write(store, format, file).map_err(named);
+    }
     let mut beside = output.as_os_str().to_owned();
     beside.push(".new");
     let beside = PathBuf::from(beside);
-    let written = write_beside(store, format, &beside);
+    let file = File::create(&beside).map_err(unable)?;
+    let written = file
+        .try_clone()
+        .map_err(ExportError::Io)
+        .and_then(|file| write(store, format, file))
+        .and_then(|exported| {
+            file.sync_all()
+                .and_then(|()| fs::rename(&beside, output))
+                .map_err(unable)?;
+            Ok(exported)
+        });
     if written.is_err() {
         // The error that counts is the one before.
         let _ = fs::remove_file(&beside);
     }
-    let exported = written?;
-    fs::rename(&beside, output).map_err(FileError::new("rename to", output))?;
-    Ok(exported)
+    written.map_err(named)
 }
 
-fn write_beside(
-    store: &ReadOnlyStore,
-    format: Format,
-    path: &Path,
-) -> Result<Exported, ExportError> {
-    let file = File::create(path).map_err(FileError::new("write", path))?;
-    let synced = file.try_clone()?;
+fn write(store: &ReadOnlyStore, format: Format, file: File) -> Result<Exported, ExportError> {
     let file = BufWriter::new(file);
     let mut manifest: Box<dyn Manifest> = match format {
         Format::Jsonl => Box::new(jsonl::Jsonl::new(file)),
@@ -137,7 +149,6 @@ fn write_beside(
     };
     let exported = write_rows(store, manifest.as_mut())?;
     manifest.finish()?;
-    synced.sync_all().map_err(FileError::new("sync", path))?;
     Ok(exported)
 }
 

@@ -18,6 +18,7 @@ pub fn completion(specification: &Specification, material: u32) -> (Completion, 
             max: 0.1 + 0.2,
             within_target: 1.0,
             samples: 1 << 40,
+            evaluations: 7,
         },
     });
     let completion = Completion {

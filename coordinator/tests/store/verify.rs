@@ -13,7 +13,8 @@ use std::{
 };
 
 fn check(path: &Path) -> Report {
-    verify(&ReadOnlyStore::open(path).unwrap(), 2, &|_| ())
+    let store = ReadOnlyStore::open(path).unwrap();
+    verify(&store, store.specification().materials, 2, &|_| ())
 }
 
 #[test]
@@ -23,7 +24,7 @@ fn every_kind_of_damage_is_found_where_it_is() {
     make_store(folder.path(), &specification, 0..8);
     let looked_at = AtomicU64::new(0);
     let store = ReadOnlyStore::open(folder.path()).unwrap();
-    let report = verify(&store, 2, &|images| {
+    let report = verify(&store, 8, 2, &|images| {
         looked_at.fetch_max(images, Ordering::Relaxed);
     });
     assert_eq!(report.faults, []);

@@ -35,7 +35,7 @@ fn bin(image: &Image<'_>, parameter: usize) -> Value {
 }
 
 /// Every column with the function that gives its value, in the manifest's order.
-pub(super) static COLUMNS: [Column; 48] = [
+pub(super) static COLUMNS: [Column; 49] = [
     column("dataset", Kind::Text, "", "The dataset's name.", |i| {
         text(&i.specification.name)
     }),
@@ -356,7 +356,14 @@ pub(super) static COLUMNS: [Column; 48] = [
         "samples",
         Kind::U64,
         "1",
-        "Light paths traced from the camera.",
+        "Light paths traced from the camera, by the path tracer.",
         |i| Value::U64(i.done.statistics.samples),
+    ),
+    column(
+        "evaluations",
+        Kind::U64,
+        "1",
+        "Evaluations of the reflectance model, by the hybrid integrator.",
+        |i| Value::U64(i.done.statistics.evaluations),
     ),
 ];

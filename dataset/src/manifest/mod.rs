@@ -187,6 +187,7 @@ mod tests {
                 max: f64::MIN_POSITIVE,
                 within_target: 1.0 - f64::EPSILON,
                 samples: (1 << 63) + 1,
+                evaluations: 7,
             },
         }
     }

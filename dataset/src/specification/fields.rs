@@ -87,7 +87,7 @@ macro_rules! choice_field {
 
 choice_field!(Tint, "\"hue\" or \"product\"": "hue" => Hue, "product" => Product);
 choice_field!(Pixel, "\"half\" or \"float\"": "half" => Half, "float" => Float);
-choice_field!(IntegratorKind, "\"path\"": "path" => Path);
+choice_field!(IntegratorKind, "\"hybrid\" or \"path\"": "hybrid" => Hybrid, "path" => Path);
 
 /// Beyond every type of integer here, and every limit.
 const INTEGER_TOO_LARGE: i128 = i128::MAX;

@@ -113,7 +113,7 @@ pub struct Accuracy {
 pub struct Integrator {
     /// Which method.
     pub kind: IntegratorKind,
-    /// Camera rays a pixel: a power of two, 16 to 1,048,576.
+    /// Camera rays a pixel of the path tracer: a power of two, 16 to 1,048,576.
     pub samples_per_pixel: u32,
     /// The most surface hits along a path, 1 to 16.
     pub max_bounces: u32,
@@ -123,6 +123,9 @@ pub struct Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum IntegratorKind {
+    /// Cubature of everything that can be worked out, to the specification's accuracy; views that
+    /// cannot go to the path tracer.
+    Hybrid,
     /// Path tracing with next-event estimation and multiple importance sampling.
     Path,
 }

@@ -40,13 +40,30 @@ impl Lobe {
         }
     }
 
+    /// A direction of the surface's frame in the lobe's, whose x is the lobe's u axis.
+    pub fn to_lobe(&self, v: Vec3) -> Vec3 {
+        Vec3::new(
+            self.cos_psi * v.x + self.sin_psi * v.y,
+            self.cos_psi * v.y - self.sin_psi * v.x,
+            v.z,
+        )
+    }
+
+    /// The inverse of [`Lobe::to_lobe`].
+    pub fn to_surface(&self, v: Vec3) -> Vec3 {
+        Vec3::new(
+            self.cos_psi * v.x - self.sin_psi * v.y,
+            self.sin_psi * v.x + self.cos_psi * v.y,
+            v.z,
+        )
+    }
+
     /// (n.h)^e with e = (n_u h_u^2 + n_v h_v^2) / (h_u^2 + h_v^2), for a half vector of any
     /// positive length and h.z > 0. With t the squared tangent of h's polar angle it is
     /// exp(-e/2 log1p(t)): no cancellation near the normal, none at the horizon.
     pub fn power(&self, half: Vec3) -> f64 {
-        let h_u = self.cos_psi * half.x + self.sin_psi * half.y;
-        let h_v = self.cos_psi * half.y - self.sin_psi * half.x;
-        let (u2, v2) = (h_u * h_u, h_v * h_v);
+        let half = self.to_lobe(half);
+        let (u2, v2) = (half.x * half.x, half.y * half.y);
         let tangential = u2 + v2;
         if tangential == 0.0 {
             return 1.0;
@@ -74,11 +91,7 @@ impl Lobe {
         let log_cos = libm::log(point[1]) / (exponent + 1.0);
         let sin_theta = (-libm::expm1(2.0 * log_cos)).sqrt();
         let (h_u, h_v) = (sin_theta * cos_phi, sin_theta * sin_phi);
-        Vec3::new(
-            self.cos_psi * h_u - self.sin_psi * h_v,
-            self.sin_psi * h_u + self.cos_psi * h_v,
-            libm::exp(log_cos),
-        )
+        self.to_surface(Vec3::new(h_u, h_v, libm::exp(log_cos)))
     }
 }
 

@@ -18,7 +18,7 @@ pub mod fresnel;
 pub mod lobe;
 mod tint;
 
-pub use tint::tint;
+pub use tint::{TintResponse, tint};
 
 use crate::vector::Vec3;
 use crate::warp;
@@ -31,12 +31,14 @@ use std::f64::consts::FRAC_1_PI;
 pub struct Reflectance {
     /// The specular lobe.
     pub lobe: Lobe,
-    ior: f64,
-    rgb0: [f64; 3],
+    /// Index of refraction.
+    pub ior: f64,
+    /// Reflectance at 0 degrees, linear Rec.709.
+    pub rgb0: [f64; 3],
     rgb90: [f64; 3],
     tint: Tint,
     /// The share of the specular part: 1 up to a roughness of 90, then falling to 0 at 100.
-    specular_share: f64,
+    pub specular_share: f64,
 }
 
 /// A direction to the light drawn by [`Reflectance::sample`].
@@ -75,6 +77,15 @@ impl Reflectance {
     /// The BRDF f(wi, wo), a steradian, linear Rec.709; zero unless both directions lie above the
     /// surface (equation 1).
     pub fn evaluate(&self, wi: Vec3, wo: Vec3) -> [f64; 3] {
+        self.evaluate_tinted(wi, wo, || self.tint(wi.z, wo.z))
+    }
+
+    /// The same with the [`Reflectance::tint_response`] of `wo` at hand.
+    pub fn evaluate_with(&self, response: &TintResponse, wi: Vec3, wo: Vec3) -> [f64; 3] {
+        self.evaluate_tinted(wi, wo, || response.at(fresnel::reflectance(wi.z, self.ior)))
+    }
+
+    fn evaluate_tinted(&self, wi: Vec3, wo: Vec3, tint: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return [0.0; 3];
         }
@@ -84,7 +95,7 @@ impl Reflectance {
             // The half vector is left unnormalised: h.wi is half its length.
             let specular = self.lobe.normalization * FRAC_1_PI / 8.0 * self.lobe.power(half)
                 / (0.5 * half.length() * wi.z.max(wo.z));
-            let tint = self.tint(wi.z, wo.z);
+            let tint = tint();
             value = tint.map(|channel| self.specular_share * channel * specular);
         }
         if self.specular_share < 1.0 {
@@ -143,9 +154,18 @@ impl Reflectance {
     /// The tint of the specular part (equation 2): Fresnel's term sees the light, the colour the
     /// viewer.
     fn tint(&self, cos_i: f64, cos_o: f64) -> [f64; 3] {
-        let colour: [f64; 3] = std::array::from_fn(|channel| {
+        let fresnel = fresnel::reflectance(cos_i, self.ior);
+        tint(self.tint, fresnel, self.colour(cos_o))
+    }
+
+    /// The tint toward a viewer at `cos_o`, as a function of Fresnel's reflectance.
+    pub fn tint_response(&self, cos_o: f64) -> TintResponse {
+        TintResponse::new(self.tint, self.colour(cos_o))
+    }
+
+    fn colour(&self, cos_o: f64) -> [f64; 3] {
+        std::array::from_fn(|channel| {
             self.rgb90[channel] * (1.0 - cos_o) + self.rgb0[channel] * cos_o
-        });
-        tint(self.tint, fresnel::reflectance(cos_i, self.ior), colour)
+        })
     }
 }

@@ -57,6 +57,7 @@ pub fn statistics() -> ErrorStatistics {
         max: 3e-4,
         within_target: 1.0,
         samples: 4096,
+        evaluations: 7,
     }
 }
 
@@ -142,7 +143,8 @@ impl Bench {
     /// Every completed material's digests, in order; the store has to be sound.
     pub fn digests(&self) -> Vec<Digest> {
         let store = ReadOnlyStore::open(self.path()).unwrap();
-        let report = coordinator::verify::verify(&store, 1, &|_| ());
+        let report =
+            coordinator::verify::verify(&store, store.specification().materials, 1, &|_| ());
         assert_eq!(report.faults, []);
         (0..store.specification().materials)
             .flat_map(|material| store.completion(material).unwrap().unwrap().views)
@@ -247,6 +249,7 @@ impl Puppet {
                 max: statistics.max,
                 within_target: statistics.within_target,
                 samples: statistics.samples,
+                evaluations: statistics.evaluations,
             }),
         });
         let message = proto::CompleteRequest {

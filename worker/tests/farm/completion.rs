@@ -98,7 +98,8 @@ async fn the_renderer_s_images_are_what_the_coordinator_accepts() {
     let summary = worker.unwrap().run(stopping).await.unwrap();
     assert_eq!((summary.materials, summary.failures), (2, 0));
     coordinator.shutdown().await;
-    let report = verify(&ReadOnlyStore::open(bench.path()).unwrap(), 1, &|_| ());
+    let store = ReadOnlyStore::open(bench.path()).unwrap();
+    let report = verify(&store, store.specification().materials, 1, &|_| ());
     assert_eq!(report.faults, []);
     assert_eq!(report.images_sound, 6);
 }

@@ -1,0 +1,228 @@
+//! Rectangles and convex polygons on the film, in pixels.
+
+/// An axis-parallel rectangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rectangle {
+    /// Least column and row.
+    pub low: [f64; 2],
+    /// Largest column and row.
+    pub high: [f64; 2],
+}
+
+impl Rectangle {
+    /// The pixel in a column and row.
+    pub fn pixel(column: u32, row: u32) -> Self {
+        let low = [f64::from(column), f64::from(row)];
+        Self {
+            low,
+            high: low.map(|edge| edge + 1.0),
+        }
+    }
+
+    /// Width and height.
+    pub fn sides(&self) -> [f64; 2] {
+        std::array::from_fn(|axis| self.high[axis] - self.low[axis])
+    }
+
+    /// The area.
+    pub fn area(&self) -> f64 {
+        let [width, height] = self.sides();
+        width * height
+    }
+
+    /// What it shares with another; `None` where that has no area.
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let shared = Self {
+            low: std::array::from_fn(|axis| self.low[axis].max(other.low[axis])),
+            high: std::array::from_fn(|axis| self.high[axis].min(other.high[axis])),
+        };
+        (0..2)
+            .all(|axis| shared.low[axis] < shared.high[axis])
+            .then_some(shared)
+    }
+
+    /// The smallest rectangle of whole pixels around it.
+    pub fn rounded_out(&self) -> Self {
+        Self {
+            low: self.low.map(f64::floor),
+            high: self.high.map(f64::ceil),
+        }
+    }
+
+    /// Columns and rows of the pixels that it meets.
+    pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let Self { low, high } = self.rounded_out();
+        let [columns, rows] = [0, 1].map(|axis| low[axis] as u32..high[axis] as u32);
+        rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
+    }
+
+    /// Two halves along an axis, parted between pixels where it spans several.
+    pub fn halves(&self, axis: usize) -> [Self; 2] {
+        let middle = 0.5 * (self.low[axis] + self.high[axis]);
+        let middle = if self.sides()[axis] > 1.0 {
+            middle.floor()
+        } else {
+            middle
+        };
+        let (mut first, mut second) = (*self, *self);
+        first.high[axis] = middle;
+        second.low[axis] = middle;
+        [first, second]
+    }
+}
+
+/// The most corners: a quadrilateral cut by a rectangle.
+const CORNERS_MAX: usize = 12;
+
+/// A convex polygon, counter-clockwise in (column, row).
+#[derive(Clone, Copy, Debug)]
+pub struct Polygon {
+    corners: [[f64; 2]; CORNERS_MAX],
+    count: usize,
+}
+
+impl Polygon {
+    /// From a quadrilateral's corners, in either sense.
+    pub fn quadrilateral(corners: [[f64; 2]; 4]) -> Self {
+        let mut polygon = Self {
+            corners: [[0.0; 2]; CORNERS_MAX],
+            count: 4,
+        };
+        polygon.corners[..4].copy_from_slice(&corners);
+        if polygon.area() < 0.0 {
+            polygon.corners[..4].reverse();
+        }
+        polygon
+    }
+
+    /// Its corners.
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners[..self.count]
+    }
+
+    fn edges(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
+        let corners = self.corners();
+        (0..corners.len()).map(move |i| (corners[i], corners[(i + 1) % corners.len()]))
+    }
+
+    /// The signed area.
+    pub fn area(&self) -> f64 {
+        0.5 * self
+            .edges()
+            .map(|(a, b)| a[0] * b[1] - a[1] * b[0])
+            .sum::<f64>()
+    }
+
+    /// Whether nothing is left.
+    pub fn is_empty(&self) -> bool {
+        self.count < 3
+    }
+
+    /// The smallest rectangle around it.
+    pub fn bounds(&self) -> Rectangle {
+        let mut bounds = Rectangle {
+            low: [f64::INFINITY; 2],
+            high: [f64::NEG_INFINITY; 2],
+        };
+        for corner in self.corners() {
+            for (low, at) in bounds.low.iter_mut().zip(corner) {
+                *low = low.min(*at);
+            }
+            for (high, at) in bounds.high.iter_mut().zip(corner) {
+                *high = high.max(*at);
+            }
+        }
+        bounds
+    }
+
+    /// Whether a rectangle lies inside.
+    pub fn contains(&self, cell: &Rectangle) -> bool {
+        self.edges().all(|(a, b)| {
+            let normal = [a[1] - b[1], b[0] - a[0]];
+            // The corner of the rectangle that lies farthest out.
+            let corner: [f64; 2] = std::array::from_fn(|axis| {
+                if normal[axis] > 0.0 {
+                    cell.low[axis]
+                } else {
+                    cell.high[axis]
+                }
+            });
+            normal[0] * (corner[0] - a[0]) + normal[1] * (corner[1] - a[1]) >= 0.0
+        })
+    }
+
+    /// The part inside a rectangle (Sutherland and Hodgman).
+    pub fn clipped(&self, cell: &Rectangle) -> Self {
+        let mut polygon = *self;
+        for axis in 0..2 {
+            for (limit, sign) in [(cell.low[axis], 1.0), (cell.high[axis], -1.0)] {
+                let mut next = Self {
+                    corners: [[0.0; 2]; CORNERS_MAX],
+                    count: 0,
+                };
+                for (a, b) in polygon.edges() {
+                    let (da, db) = (sign * (a[axis] - limit), sign * (b[axis] - limit));
+                    if da >= 0.0 {
+                        next.push(a);
+                    }
+                    if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
+                        let t = da / (da - db);
+                        let mut cut = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
+                        cut[axis] = limit;
+                        next.push(cut);
+                    }
+                }
+                polygon = next;
+            }
+        }
+        polygon
+    }
+
+    fn push(&mut self, corner: [f64; 2]) {
+        debug_assert!(self.count < CORNERS_MAX);
+        self.corners[self.count] = corner;
+        self.count += 1;
+    }
+
+    /// Points and weights of a rule over the polygon, exact for cubics.
+    pub fn for_each_point(&self, mut visit: impl FnMut([f64; 2], f64)) {
+        // Two-point Gauss-Legendre along, two-point Gauss-Jacobi across a triangle.
+        const ALONG: [f64; 2] = [0.211_324_865_405_187_13, 0.788_675_134_594_812_9];
+        const ACROSS: [(f64, f64); 2] = [
+            (0.355_051_025_721_682_2, 0.181_958_618_256_022_85),
+            (0.844_948_974_278_317_8, 0.318_041_381_743_977_2),
+        ];
+        let corners = self.corners();
+        if corners.len() < 3 {
+            return;
+        }
+        let a = corners[0];
+        for pair in corners[1..].windows(2) {
+            let (b, c) = (pair[0], pair[1]);
+            let double = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+            for (r, weight) in ACROSS {
+                for s in ALONG {
+                    let point = std::array::from_fn(|i| {
+                        let edge = b[i] + s * (c[i] - b[i]);
+                        a[i] + r * (edge - a[i])
+                    });
+                    visit(point, weight * 0.5 * double);
+                }
+            }
+        }
+    }
+
+    /// Where a line of constant `axis` coordinate crosses it: the other coordinate's range.
+    pub fn chord(&self, axis: usize, at: f64) -> Option<[f64; 2]> {
+        let other = 1 - axis;
+        let mut range = [f64::INFINITY, f64::NEG_INFINITY];
+        for (a, b) in self.edges() {
+            let (da, db) = (a[axis] - at, b[axis] - at);
+            if da * db <= 0.0 && da != db {
+                let cut = a[other] + da / (da - db) * (b[other] - a[other]);
+                range = [range[0].min(cut), range[1].max(cut)];
+            }
+        }
+        (range[0] < range[1]).then_some(range)
+    }
+}
