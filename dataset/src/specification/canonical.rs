@@ -158,7 +158,7 @@ mod tests {
         let hash = Specification::preset().hash().to_string();
         assert_eq!(
             hash,
-            "8510d3d48d34dc43f1b562ddb4b1b8cf0e387a60689f496af35c5b3ecc732c13"
+            "ec61cf11819ed02bf6eddbf36a8da81f22a55bc6478af9d2b4b5e07c99939b1d"
         );
     }
 }

@@ -9,7 +9,6 @@
 
 use super::chebyshev::{Fit, Tile, add_scaled};
 use super::gauss::GaussRule;
-use super::lobe_samples::EXPONENT_MIN as SHEET_EXPONENT;
 use super::polygon::Rectangle;
 use super::{PanelOnFilm, Stage};
 use crate::reflectance::Reflectance;
@@ -18,6 +17,9 @@ use std::f64::consts::FRAC_1_PI;
 
 /// A lobe with larger exponents along both axes sends less than 1e-6 of white to the chart.
 const EXPONENT_MAX: f64 = 36.0;
+
+/// From this exponent on, along its narrow axis, a lobe that sends anything is a thin sheet.
+const SHEET_EXPONENT: f64 = 300.0;
 
 /// What a lobe that is a thin sheet sends to and fro is below this and is left out.
 const SHEET_TWICE_MAX: f64 = 3e-5;

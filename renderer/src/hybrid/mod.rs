@@ -28,6 +28,7 @@ use bulb::BulbView;
 use chart::{LIGHT_NODES, LitChart, Panel};
 use dataset::specification::{Accuracy, Specification};
 use exchange::Exchange;
+use lobe_samples::LobeSampler;
 use polygon::Polygon;
 use rayon::prelude::*;
 use tiling::{Canvas, Demand, Region};
@@ -35,8 +36,8 @@ use tiling::{Canvas, Demand, Region};
 /// Points of the film at which a part of a view is worked out before nothing is refined any more.
 const CALLS_MAX: u64 = 2_000_000;
 
-/// The same for the chart in the sample, where a call takes hundreds of evaluations.
-const CHART_CALLS_MAX: u64 = 100_000;
+/// Evaluations after which nothing of the chart in the sample is refined any more: a few seconds.
+const CHART_EVALUATIONS_MAX: u64 = 20_000_000;
 
 /// The most of a sample's hemisphere that the chart fills, weighted by the cosine.
 const VIEW_FACTOR_MAX: f64 = 0.5;
@@ -231,17 +232,21 @@ impl Stage {
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
         });
-        if reflectance.lobe.n_u > lobe_samples::EXPONENT_MIN {
+        let camera = self.camera.position;
+        if lobe_samples::wanted(reflectance, camera.z / camera.length()) {
             *evaluations += self.add_sampled_chart(canvas, &chart, reflectance, key);
             return;
         }
+        let [width, height_px] = self.size.map(f64::from);
+        let (middle, toward) = self.sample_point(0.5 * width, 0.5 * height_px);
+        let (_, a_call) = chart.reflected(middle, toward, reflectance, self.density);
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
         let half_angle = 0.5 * panel.panel.pitch / distance;
         let demand = Demand {
             accuracy: &self.accuracy,
             side_max: self.feature_pixels(0.5 * half_angle, distance, reflectance),
-            calls_max: CHART_CALLS_MAX,
+            calls_max: CHART_EVALUATIONS_MAX / u64::from(a_call.max(1)),
             function_error: VIEW_FACTOR_MAX * exchange.error(),
         };
         let regions = [Region {
@@ -269,6 +274,13 @@ impl Stage {
         };
         let width = self.size[0];
         let places: Vec<(u32, u32)> = bounds.pixels().collect();
+        let sampler = LobeSampler {
+            chart,
+            reflectance,
+            accuracy: &self.accuracy,
+            key,
+        };
+        let before = &*canvas.pixels;
         let sampled: Vec<_> = places
             .par_iter()
             .map(|&(column, row)| {
@@ -277,9 +289,9 @@ impl Stage {
                     let covered = position.x.abs().max(position.y.abs()) < self.sample_half;
                     (position, wo, covered)
                 };
-                let (place, index) = ((column, row), row * width + column);
-                let accuracy = &self.accuracy;
-                lobe_samples::pixel(chart, reflectance, accuracy, key, place, index, surface)
+                let index = row * width + column;
+                let before = before[index as usize].value;
+                sampler.pixel(before, (column, row), index, surface)
             })
             .collect();
         let mut evaluations = 0;
