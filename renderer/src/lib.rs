@@ -14,11 +14,11 @@ pub mod hybrid;
 pub mod path;
 pub mod reflectance;
 mod render;
-pub mod replicates;
+mod replicates;
 pub mod sampler;
 pub mod scene;
 pub mod vector;
-pub mod warp;
+mod warp;
 
 pub use exr_file::{ExrError, decode as decode_exr};
 pub use render::{RenderError, Renderer, Rendering};

@@ -82,7 +82,7 @@ impl Ellipse {
 }
 
 /// The specular radiance toward the viewer for a bulb of radiance 1, with `density` times the
-/// usual number of points (1 is good to about 1e-5 of the value), and how many it took.
+/// usual number of points (1 misses up to 1e-3 of a lobe's faint tail, 1.5 about 1e-6), and how many it took.
 pub fn specular(
     view: &BulbView,
     reflectance: &Reflectance,
@@ -109,7 +109,7 @@ pub fn specular(
     }
     // x = middle + radius sin: the chord closes like a cosine, and the sum is smooth at its ends.
     let angle = |x: f64| libm::asin(((x - middle) / radius).clamp(-1.0, 1.0));
-    let rule = GaussRule::new(points((high - low) * lobe.n_u.sqrt(), 5.0, density));
+    let rule = GaussRule::of(points((high - low) * lobe.n_u.sqrt(), 5.0, density));
     for (node, weight) in rule.on(angle(low), angle(high)) {
         let (sin, cos) = libm::sincos(node);
         let x = middle + radius * sin;
@@ -154,7 +154,7 @@ impl Integral<'_> {
             if self.slopes.lobe.n_v > NARROW_EXPONENT && widths > 3.0 && near {
                 self.add_normal(p, from, to, lit, scale);
             } else {
-                let rule = GaussRule::new(points(widths, 3.0, density));
+                let rule = GaussRule::of(points(widths, 3.0, density));
                 for (q, weight) in rule.on(from, to) {
                     self.add_point(p, q, lit, scale * weight, 0.0);
                 }

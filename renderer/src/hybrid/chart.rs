@@ -148,7 +148,7 @@ impl LitChart {
             if from >= to {
                 continue;
             }
-            let rule = GaussRule::new(window.points(1, to - from, density));
+            let rule = GaussRule::of(window.points(1, to - from, density));
             for (beta, weight_beta) in rule.on(from, to) {
                 let (sin, cos) = libm::sincos(beta);
                 // From the sample's point to the panel, across its x axis.
@@ -163,7 +163,7 @@ impl LitChart {
                         continue;
                     }
                     let patch = ((panel.rows - 1 - row) * panel.columns + column) as usize;
-                    let rule = GaussRule::new(window.points(0, to - from, density));
+                    let rule = GaussRule::of(window.points(0, to - from, density));
                     for (w, weight_w) in rule.on(from, to) {
                         let across = (1.0 - w * w).sqrt();
                         let wi = Vec3::new(w, across * cos, across * sin);

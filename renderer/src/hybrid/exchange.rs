@@ -145,11 +145,11 @@ fn irradiance<const TERMS: usize>(
         let middle = receiver.x.clamp(-0.9 * half, 0.9 * half);
         let mut sum = [0.0; 3];
         // Squares of the integration variables gather points where the chart is near.
-        for (s, weight_y) in GaussRule::new(points[1]).on(0.0, 1.0) {
+        for (s, weight_y) in GaussRule::of(points[1]).on(0.0, 1.0) {
             let y = half - 2.0 * half * s * s;
             let measure_y = 4.0 * half * s * weight_y;
             for reach in [half - middle, -half - middle] {
-                for (t, weight_x) in GaussRule::new(points[0] / 2).on(0.0, 1.0) {
+                for (t, weight_x) in GaussRule::of(points[0] / 2).on(0.0, 1.0) {
                     let position = Vec3::new(middle + reach * t * t, y, 0.0);
                     let measure = measure_y * 2.0 * reach.abs() * t * weight_x;
                     let offset = receiver - position;

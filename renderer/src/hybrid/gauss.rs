@@ -17,8 +17,7 @@ static RULES: LazyLock<Vec<GaussRule>> =
 
 impl GaussRule {
     /// The rule of `count` points, 1 to [`POINTS_MAX`]; beyond that the largest.
-    #[allow(clippy::new_ret_no_self)]
-    pub fn new(count: usize) -> &'static Self {
+    pub fn of(count: usize) -> &'static Self {
         &RULES[count.clamp(1, POINTS_MAX) - 1]
     }
 
@@ -47,10 +46,6 @@ impl GaussRule {
                         value,
                         ((2.0 * k - 1.0) * x * value - (k - 1.0) * previous) / k,
                     );
-                }
-                if count == 1 {
-                    value = x;
-                    previous = 1.0;
                 }
                 slope = n * (x * value - previous) / (x * x - 1.0);
                 let step = value / slope;
@@ -106,3 +101,59 @@ pub const KRONROD: [(f64, f64, f64); 15] = {
     }
     rule
 };
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The integral of x^power over [-1, 1].
+    fn exact(power: i32) -> f64 {
+        if power % 2 == 0 {
+            2.0 / f64::from(power + 1)
+        } else {
+            0.0
+        }
+    }
+
+    fn power(x: f64, exponent: i32) -> f64 {
+        (0..exponent).fold(1.0, |product, _| product * x)
+    }
+
+    #[test]
+    fn rules_are_exact_for_polynomials_of_twice_their_size() {
+        for count in 1..=POINTS_MAX {
+            for exponent in [0, 1, 2 * count as i32 - 2, 2 * count as i32 - 1] {
+                let sum: f64 = GaussRule::of(count)
+                    .on(-1.0, 1.0)
+                    .map(|(node, weight)| weight * power(node, exponent))
+                    .sum();
+                assert!(
+                    (sum - exact(exponent)).abs() < 1e-14,
+                    "{count}: x^{exponent}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_pair_is_exact_to_degrees_13_and_22() {
+        for exponent in 0..=22 {
+            let sum = |weight: fn(&(f64, f64, f64)) -> f64| -> f64 {
+                let terms = KRONROD.iter();
+                terms
+                    .map(|rule| weight(rule) * power(rule.0, exponent))
+                    .sum()
+            };
+            assert!(
+                (sum(|rule| rule.1) - exact(exponent)).abs() < 1e-15,
+                "x^{exponent}"
+            );
+            if exponent <= 13 {
+                assert!(
+                    (sum(|rule| rule.2) - exact(exponent)).abs() < 1e-15,
+                    "x^{exponent}"
+                );
+            }
+        }
+    }
+}

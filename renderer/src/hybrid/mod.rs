@@ -9,16 +9,16 @@
 //!
 //! A view that is not of this kind goes to the path tracer: see [`Stage::new`].
 
-pub mod bulb;
-pub mod chart;
-pub mod chebyshev;
+mod bulb;
+pub(crate) mod chart;
+mod chebyshev;
 mod exchange;
-pub mod gauss;
+mod gauss;
 mod lobe_samples;
-pub mod pixel;
-pub mod polygon;
-pub mod slopes;
-pub mod tiling;
+mod pixel;
+mod polygon;
+mod slopes;
+mod tiling;
 
 use crate::film::{Film, FilmPixel};
 use crate::reflectance::Reflectance;
@@ -45,7 +45,7 @@ const VIEW_FACTOR_MAX: f64 = 0.5;
 /// Tiles are as long as this many features of the function on them.
 const FEATURES_PER_TILE: f64 = 3.0;
 
-/// What a cubature rule of the usual density misses, as a fraction of its value.
+/// What a cubature rule of the least density misses, as a fraction of its value.
 const RULE_ERROR: f64 = 1e-5;
 
 /// A view that the hybrid integrator can render.

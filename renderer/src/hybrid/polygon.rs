@@ -226,3 +226,51 @@ impl Polygon {
         (range[0] < range[1]).then_some(range)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUADRILATERAL: [[f64; 2]; 4] = [[1.0, 1.0], [9.0, 2.0], [8.0, 7.0], [2.0, 6.0]];
+
+    #[test]
+    fn pixels_cut_a_polygon_into_its_area() {
+        let polygon = Polygon::quadrilateral(QUADRILATERAL);
+        let (mut area, mut inside) = (0.0, 0);
+        for (column, row) in polygon.bounds().pixels() {
+            let pixel = Rectangle::pixel(column, row);
+            let cut = polygon.clipped(&pixel);
+            area += cut.area();
+            if polygon.contains(&pixel) {
+                inside += 1;
+                assert!((cut.area() - 1.0).abs() < 1e-14);
+            }
+        }
+        assert!((area - polygon.area()).abs() < 1e-12 && inside > 10);
+    }
+
+    #[test]
+    fn either_sense_of_the_corners_gives_the_same_polygon() {
+        let mut reversed = QUADRILATERAL;
+        reversed.reverse();
+        let areas = [QUADRILATERAL, reversed].map(|it| Polygon::quadrilateral(it).area());
+        assert!(areas[0] > 0.0 && areas[0] == areas[1]);
+    }
+
+    #[test]
+    fn the_rule_integrates_a_cubic() {
+        // Over the unit square: x^3 + x y^2 gives 1/4 + 1/6.
+        let square = Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+        let mut sum = 0.0;
+        square.for_each_point(|[x, y], weight| sum += weight * (x * x * x + x * y * y));
+        assert!((sum - (0.25 + 1.0 / 6.0)).abs() < 1e-14, "{sum}");
+    }
+
+    #[test]
+    fn a_chord_spans_the_polygon() {
+        let polygon = Polygon::quadrilateral(QUADRILATERAL);
+        assert_eq!(polygon.chord(0, 0.5), None);
+        let [low, high] = polygon.chord(0, 5.0).expect("a chord");
+        assert!((low - 1.5).abs() < 1e-14 && (high - 6.5).abs() < 1e-14);
+    }
+}

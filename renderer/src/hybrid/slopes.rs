@@ -35,8 +35,6 @@ pub struct Slopes<'a> {
 pub struct SlopePoint {
     /// Cosine of the light's direction.
     pub cos_i: f64,
-    /// Cosine between the half vector and the viewer.
-    pub cos_h: f64,
     /// h_z^3: the slope plane's measure is that of half vectors over h_z^3.
     pub h_z3: f64,
     /// The logarithm of the lobe's power (n.h)^e.
@@ -64,7 +62,6 @@ impl<'a> Slopes<'a> {
         };
         SlopePoint {
             cos_i: 2.0 * along * inverse - self.wo.z,
-            cos_h: along * root,
             h_z3: inverse * root,
             exponent: -0.5 * (self.lobe.n_u * p2 + self.lobe.n_v * q2) * ratio,
         }
