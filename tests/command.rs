@@ -4,7 +4,7 @@ use serde_json::Value;
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 
 fn brdfarm(arguments: &[&str], directory: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_brdfarm"))
@@ -31,14 +31,19 @@ fn files(directory: &Path) -> Vec<String> {
         .collect()
 }
 
-/// Answers of `brdfarm brdf` to `input`, a JSON value a line.
-fn brdf(input: &[u8]) -> Vec<Value> {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_brdfarm"))
+/// `brdfarm brdf` with both ends in hand.
+fn spawn_brdf() -> Child {
+    Command::new(env!("CARGO_BIN_EXE_brdfarm"))
         .arg("brdf")
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
-        .expect("brdfarm runs");
+        .expect("brdfarm runs")
+}
+
+/// Answers of `brdfarm brdf` to `input`, a JSON value a line.
+fn brdf(input: &[u8]) -> Vec<Value> {
+    let mut child = spawn_brdf();
     let mut stdin = child.stdin.take().expect("a pipe");
     let input = input.to_vec();
     let writer = std::thread::spawn(move || stdin.write_all(&input));
@@ -313,12 +318,7 @@ fn a_material_file_renders_and_a_bad_one_is_refused() {
 /// Answers come when they are due: another program may wait for one before it asks the next.
 #[test]
 fn brdf_answers_a_line_before_the_next_is_written() {
-    let mut child = Command::new(env!("CARGO_BIN_EXE_brdfarm"))
-        .arg("brdf")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("brdfarm runs");
+    let mut child = spawn_brdf();
     let mut stdin = child.stdin.take().expect("a pipe");
     let mut answers = BufReader::new(child.stdout.take().expect("a pipe")).lines();
     for line in 1..=2 {

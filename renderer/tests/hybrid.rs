@@ -1,13 +1,15 @@
 //! The hybrid integrator against cubature, against the path tracer, and against its own word.
 
 mod hard_materials;
+mod reference_pixels;
 
 use dataset::{
-    Material, Specification,
+    Specification,
     specification::{IntegratorKind, Tint, View},
 };
 use hard_materials::hard_materials;
 use rayon::prelude::*;
+use reference_pixels::reference_pixels;
 use renderer::{
     Renderer,
     film::{Film, target},
@@ -18,19 +20,6 @@ use renderer::{
     sampler::{Dimension, Sampler},
     scene::Scene,
 };
-use serde::Deserialize;
-
-#[derive(Deserialize)]
-struct Case {
-    material: Material,
-    camera_elevation_deg: f64,
-    light_elevation_deg: f64,
-    rotation_deg: f64,
-    tint: Tint,
-    column: u32,
-    row: u32,
-    value: [f64; 3],
-}
 
 fn scene_and_stage(specification: &Specification, view: usize) -> (Scene, Stage) {
     let scene = Scene::new(specification, view, BackendChoice::Native)
@@ -44,8 +33,7 @@ fn scene_and_stage(specification: &Specification, view: usize) -> (Scene, Stage)
 /// target, at the preset's accuracy and at a finer one.
 #[test]
 fn reference_pixels_lie_within_their_bounds_and_the_bounds_within_the_target() {
-    let cases: Vec<Case> =
-        serde_json::from_str(include_str!("reference/pixels.json")).expect("reference values");
+    let cases = reference_pixels();
     for relative in [1e-3, 1e-5] {
         cases.par_iter().enumerate().for_each(|(number, case)| {
             let mut specification = Specification::preset();

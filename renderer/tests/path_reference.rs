@@ -1,10 +1,10 @@
 //! The path tracer against pixels worked out by adaptive cubature.
 
-use dataset::{
-    Material, Specification,
-    specification::{Tint, View},
-};
+mod reference_pixels;
+
+use dataset::{Specification, specification::View};
 use rayon::prelude::*;
+use reference_pixels::reference_pixels;
 use renderer::{
     geometry::BackendChoice,
     path,
@@ -12,19 +12,6 @@ use renderer::{
     sampler::{Dimension, Sampler},
     scene::Scene,
 };
-use serde::Deserialize;
-
-#[derive(Deserialize)]
-struct Case {
-    material: Material,
-    camera_elevation_deg: f64,
-    light_elevation_deg: f64,
-    rotation_deg: f64,
-    tint: Tint,
-    column: u32,
-    row: u32,
-    value: [f64; 3],
-}
 
 const REPLICATES: u32 = 64;
 const SAMPLES: u32 = 1024;
@@ -35,9 +22,7 @@ const T_LIMIT: f64 = 4.81;
 
 #[test]
 fn the_path_tracer_agrees_with_cubature_within_its_own_error() {
-    let cases: Vec<Case> =
-        serde_json::from_str(include_str!("reference/pixels.json")).expect("reference values");
-    assert_eq!(cases.len(), 35);
+    let cases = reference_pixels();
     for (number, case) in cases.iter().enumerate() {
         let mut specification = Specification::preset();
         specification.views = vec![View {
