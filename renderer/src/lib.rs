@@ -7,18 +7,23 @@
 
 mod bsdf;
 mod embree;
+mod exchange_cache;
 mod exr_file;
 pub mod film;
 pub mod geometry;
 pub mod hybrid;
+mod instructions;
 pub mod path;
 pub mod reflectance;
 mod render;
 mod replicates;
 pub mod sampler;
 pub mod scene;
+mod stage_time;
 pub mod vector;
 mod warp;
 
-pub use exr_file::{ExrError, decode as decode_exr};
+pub use exr_file::{ExrError, decode as decode_exr, encode as encode_exr};
+pub use instructions::Instructions;
 pub use render::{RenderError, Renderer, Rendering};
+pub use stage_time::StageTime;

@@ -1,14 +1,17 @@
 //! One view of a material: paths over the film, their error, and the file.
 
+use crate::exchange_cache::ExchangeCache;
 use crate::exr_file::{self, ExrError};
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
 use crate::hybrid::Stage;
+use crate::instructions::Instructions;
 use crate::path;
 use crate::reflectance::Reflectance;
 use crate::replicates::{REPLICATES, estimate};
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::Scene;
+use crate::stage_time::{StageTime, timed};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
     specification::IntegratorKind,
@@ -21,6 +24,7 @@ pub struct Renderer {
     specification: Specification,
     specification_hash: Digest,
     views: Vec<PreparedView>,
+    exchanges: ExchangeCache,
 }
 
 /// A view's scene and, where the hybrid integrator is wanted and can render it, its stage.
@@ -39,6 +43,8 @@ pub struct Rendering {
     pub exr: Vec<u8>,
     /// The error and the cost.
     pub statistics: ErrorStatistics,
+    /// What each stage took, in the order in which they ran.
+    pub stages: Vec<StageTime>,
 }
 
 /// Why a view could not be rendered.
@@ -98,7 +104,21 @@ impl Renderer {
             specification: specification.clone(),
             specification_hash: specification.hash(),
             views,
+            exchanges: ExchangeCache::default(),
         })
+    }
+
+    /// The same with the hybrid integrator's kernels on this instruction set: the same bytes, sooner
+    /// or later.
+    #[must_use]
+    pub fn with_instructions(mut self, instructions: Instructions) -> Self {
+        for view in &mut self.views {
+            view.stage = view
+                .stage
+                .take()
+                .map(|stage| stage.with_instructions(instructions));
+        }
+        self
     }
 
     /// The backend that intersects rays, for the user's information: all give the same bytes.
@@ -139,21 +159,33 @@ impl Renderer {
         let key = sampler_key(&header);
         let rotation_deg = view_specification.rotation_deg;
         let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
-        let (film, samples, evaluations) = match &prepared.stage {
+        let (film, samples, evaluations, mut stages) = match &prepared.stage {
             Some(stage) => {
-                let (film, evaluations) = stage.render(&reflectance, key);
-                (film, 0, evaluations)
+                let light_deg = view_specification.light_elevation_deg;
+                let exchange = self.exchanges.get(material, [rotation_deg, light_deg], || {
+                    stage.exchange(&reflectance)
+                });
+                let (film, evaluations, stages) =
+                    stage.render(&reflectance, exchange.as_deref(), key);
+                (film, 0, evaluations, stages)
             }
             None => {
-                let (film, samples) = self.trace(&prepared.scene, &reflectance, key);
-                (film, samples, 0)
+                let mut stages = Vec::new();
+                let (film, samples) = timed(&mut stages, "trace", || {
+                    self.trace(&prepared.scene, &reflectance, key)
+                });
+                (film, samples, 0, stages)
             }
         };
         check_pixels(&film, view)?;
+        let exr = timed(&mut stages, "encode", || {
+            exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
+        })?;
         Ok(Rendering {
-            exr: exr_file::encode(&film, self.specification.image.pixel, &header, self.white())?,
+            exr,
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
+            stages,
         })
     }
 

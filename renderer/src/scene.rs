@@ -56,14 +56,18 @@ pub struct PinholeCamera {
 impl PinholeCamera {
     /// The ray through the film point (column, row) in pixels from the upper left corner.
     pub fn ray(&self, column: f64, row: f64) -> Ray {
-        let [width, height] = self.size.map(f64::from);
-        let direction = self.forward
-            + self.column_step * (column - 0.5 * width)
-            + self.row_step * (row - 0.5 * height);
         Ray {
             origin: self.position,
-            direction: direction.normalized(),
+            direction: self.direction(column, row).normalized(),
         }
+    }
+
+    /// From the camera to the film point at unit depth: linear in column and row.
+    pub fn direction(&self, column: f64, row: f64) -> Vec3 {
+        let [width, height] = self.size.map(f64::from);
+        self.forward
+            + self.column_step * (column - 0.5 * width)
+            + self.row_step * (row - 0.5 * height)
     }
 
     /// The film point (column, row) that sees a point; `None` for one that is not in front of the

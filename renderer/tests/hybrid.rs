@@ -1,13 +1,15 @@
 //! The hybrid integrator against cubature, against the path tracer, and against its own word.
 
-mod hard_materials;
 mod reference_pixels;
 
 use dataset::{
-    Specification,
+    HARD_CASES, HardCase, Material, Specification,
     specification::{IntegratorKind, Tint, View},
 };
-use hard_materials::hard_materials;
+use rand_chacha::{
+    ChaCha8Rng,
+    rand_core::{Rng, SeedableRng},
+};
 use rayon::prelude::*;
 use reference_pixels::reference_pixels;
 use renderer::{
@@ -29,12 +31,12 @@ fn scene_and_stage(specification: &Specification, view: usize) -> (Scene, Stage)
     (scene, stage)
 }
 
-/// Every reference pixel lies within the bound that is stated for it, and the bound within the
-/// target, at the preset's accuracy and at a finer one.
+/// Every reference pixel, however faint, is met to 2e-4 of its value at the preset's accuracy and to
+/// 1e-6 at a relative target of 1e-7. The bound that is stated for it lies within the preset's target.
 #[test]
-fn reference_pixels_lie_within_their_bounds_and_the_bounds_within_the_target() {
+fn reference_pixels_are_met() {
     let cases = reference_pixels();
-    for relative in [1e-3, 1e-5] {
+    for (relative, off_max) in [(1e-3, 2e-4), (1e-7, 1e-6)] {
         cases.par_iter().enumerate().for_each(|(number, case)| {
             let mut specification = Specification::preset();
             specification.accuracy.relative = relative;
@@ -47,19 +49,18 @@ fn reference_pixels_lie_within_their_bounds_and_the_bounds_within_the_target() {
             }];
             let (_, stage) = scene_and_stage(&specification, 0);
             let reflectance = Reflectance::new(&case.material, case.rotation_deg, case.tint);
-            let (film, _) = stage.render(&reflectance, 0);
+            let (film, ..) = stage.render(&reflectance, None, 0);
             let pixel = film.pixels[(case.row * film.width + case.column) as usize];
             for (found, expected) in pixel.value.into_iter().zip(case.value) {
                 assert!(
-                    (found - expected).abs() <= pixel.error,
+                    (found - expected).abs() <= off_max * expected,
                     "pixel {number} at {relative}: {found} against {expected}, bound {}",
                     pixel.error
                 );
             }
-            let target = target(&specification.accuracy, pixel.value);
             assert!(
-                pixel.error <= target,
-                "pixel {number} at {relative}: bound {} beyond the target {target}",
+                pixel.error <= target(&specification.accuracy, pixel.value) || relative < 1e-3,
+                "pixel {number} at {relative}: bound {} beyond the target",
                 pixel.error
             );
         });
@@ -105,8 +106,8 @@ fn trace(scene: &Scene, reflectance: &Reflectance, film: &Film) -> Vec<[(f64, f6
         .collect()
 }
 
-/// Every pixel of twelve materials, all hard cases among them, in six views, and the mean of every
-/// view. A right renderer fails with probability 1e-3 (Sidak over 31,104 channels of pixels with t
+/// Every pixel of twelve materials, all hard cases among them, in all views, and the mean of every
+/// view. A right renderer fails with probability 1e-3 (Sidak over 72,576 channels of pixels with t
 /// on 31 degrees of freedom). A sliver of the sample that no path has met proves nothing, as long
 /// as it is one: at most 1 in 100 of the paths would have missed it by chance. Differences below the
 /// target are not looked into pixel by pixel, only on average: there the few paths whose sampled
@@ -115,18 +116,18 @@ fn trace(scene: &Scene, reflectance: &Reflectance, film: &Film) -> Vec<[(f64, f6
 /// at to a few hundredths of white (four million paths a pixel do agree with it).
 #[test]
 fn the_hybrid_integrator_agrees_with_the_path_tracer() {
-    const BRUSHED: &str = "brushed mirror, exponents 1e9 and 1";
-    const T_LIMIT: f64 = 7.4;
+    const BRUSHED: &str = "brushed-mirror";
+    const T_LIMIT: f64 = 7.7;
     const SIDE: u32 = 12;
     let mut specification = Specification::preset();
     specification.image.width = SIDE;
     specification.image.height = SIDE;
-    for view in [2, 4, 5, 6, 8, 12] {
+    for view in 0..specification.views.len() {
         let (scene, stage) = scene_and_stage(&specification, view);
-        for (name, material) in hard_materials() {
+        for HardCase { name, material, .. } in HARD_CASES {
             let rotation_deg = specification.views[view].rotation_deg;
             let reflectance = Reflectance::new(&material, rotation_deg, Tint::Hue);
-            let (film, _) = stage.render(&reflectance, 7);
+            let (film, ..) = stage.render(&reflectance, None, 7);
             let traced = trace(&scene, &reflectance, &film);
             let brightest = traced
                 .iter()
@@ -180,12 +181,12 @@ fn stated_errors_hold_against_a_finer_rendering() {
     for (view, described) in specification.views.iter().enumerate() {
         let (_, stage) = scene_and_stage(&specification, view);
         let (_, finer) = scene_and_stage(&finer, view);
-        let counts: Vec<[u32; 3]> = hard_materials()
+        let counts: Vec<[u32; 3]> = HARD_CASES
             .into_par_iter()
-            .map(|(name, material)| {
+            .map(|HardCase { name, material, .. }| {
                 let reflectance = Reflectance::new(&material, described.rotation_deg, Tint::Hue);
-                let (film, _) = stage.render(&reflectance, 1);
-                let (reference, _) = finer.render(&reflectance, 2);
+                let (film, ..) = stage.render(&reflectance, None, 1);
+                let (reference, ..) = finer.render(&reflectance, None, 2);
                 let mut counts = [0; 3];
                 for (pixel, reference) in film.pixels.iter().zip(&reference.pixels) {
                     let mut off = 0.0f64;
@@ -220,6 +221,56 @@ fn stated_errors_hold_against_a_finer_rendering() {
     assert!(share(met) >= 0.95, "{met} of {pixels} meet the target");
 }
 
+/// Materials at and beyond the corners of the parameter space, at every view, over a million pixels
+/// in all: finite, not negative, with a finite bound.
+#[test]
+fn no_pixel_of_a_million_is_out_of_range() {
+    const MATERIALS: u32 = 60;
+    let mut specification = Specification::preset();
+    specification.image.width = 36;
+    specification.image.height = 36;
+    let stages: Vec<Stage> = (0..specification.views.len())
+        .map(|view| scene_and_stage(&specification, view).1)
+        .collect();
+    let pixels: usize = (0..MATERIALS)
+        .into_par_iter()
+        .map(|index| {
+            let mut random = ChaCha8Rng::seed_from_u64(u64::from(index));
+            let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+            // Evenly spread on a logarithmic scale toward either end of 0 to 1.
+            let mut extreme = || {
+                let small = libm::pow(10.0, -12.0 * uniform());
+                if uniform() < 0.5 { small } else { 1.0 - small }
+            };
+            let mut material = Material {
+                roughness: 100.0 * extreme(),
+                anisotropy: extreme(),
+                angle_deg: 180.0 * extreme(),
+                ior: 1.0 + 9.0 * extreme(),
+                rgb0: [0.0; 3],
+                rgb90: [0.0; 3],
+            };
+            material.rgb0 = [(); 3].map(|()| extreme());
+            material.rgb90 = [(); 3].map(|()| extreme());
+            let mut pixels = 0;
+            for (stage, view) in stages.iter().zip(&specification.views) {
+                let reflectance = Reflectance::new(&material, view.rotation_deg, Tint::Hue);
+                let (film, ..) = stage.render(&reflectance, None, u64::from(index));
+                for pixel in &film.pixels {
+                    let valid = |value: f64| value.is_finite() && value >= 0.0;
+                    assert!(
+                        pixel.value.into_iter().all(valid) && valid(pixel.error),
+                        "{pixel:?} of {material:?}"
+                    );
+                }
+                pixels += film.pixels.len();
+            }
+            pixels
+        })
+        .sum();
+    assert!(pixels > 1_000_000);
+}
+
 /// A camera that sees the bulb is the path tracer's, whatever the specification asks for.
 #[test]
 fn a_view_that_cannot_be_worked_out_is_traced() {
@@ -234,7 +285,7 @@ fn a_view_that_cannot_be_worked_out_is_traced() {
         let mut specification = specification.clone();
         specification.integrator.kind = kind;
         Renderer::new(&specification, BackendChoice::Native)
-            .and_then(|renderer| renderer.render(&hard_materials()[0].1, None, 0))
+            .and_then(|renderer| renderer.render(&HARD_CASES[0].material, None, 0))
             .expect("an image")
     };
     let (hybrid, path) = (render(IntegratorKind::Hybrid), render(IntegratorKind::Path));

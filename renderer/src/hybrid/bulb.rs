@@ -12,9 +12,12 @@
 //! vectors that see the bulb, is an ellipse. The narrow axis of the lobe is integrated outside;
 //! the other order loses digits.
 
+use super::batch::{Batch, LANES, total};
+use super::elementary::{exp, log1p};
 use super::gauss::GaussRule;
-use super::slopes::{Slopes, lobe_reach, points};
-use crate::reflectance::{Reflectance, TintResponse};
+use super::slopes::{Fineness, Slopes};
+use crate::instructions::{Instructions, kernel};
+use crate::reflectance::{Reflectance, TintResponse, fresnel};
 use crate::vector::Vec3;
 
 /// From this exponent on the lobe is a normal density times a factor that five points tell.
@@ -63,13 +66,12 @@ impl Ellipse {
         }
     }
 
-    /// The least and largest x.
+    /// The middle of the least and largest x, and half their distance.
     fn extent(&self) -> [f64; 2] {
         let k2 = self.a11 * self.a22 - self.a12 * self.a12;
         let k1 = self.a22 * self.b1 - self.a12 * self.b2;
         let k0 = self.b2 * self.b2 + self.a22 * self.c;
-        let root = (k1 * k1 + k2 * k0).max(0.0).sqrt();
-        [(k1 - root) / k2, (k1 + root) / k2]
+        [k1 / k2, (k1 * k1 + k2 * k0).max(0.0).sqrt() / k2]
     }
 
     /// The least and largest y at x.
@@ -81,82 +83,233 @@ impl Ellipse {
     }
 }
 
-/// The specular radiance toward the viewer for a bulb of radiance 1, with `density` times the
-/// usual number of points (1 misses up to 1e-3 of a lobe's faint tail, 1.5 about 1e-6), and how many it took.
+/// Digits beyond those that count at which the lobe's tail is cut: the bulb is three decades above
+/// white, and faint pixels three and more below it.
+const TAIL_DIGITS: f64 = 7.0;
+
+/// A bulb of at most this half width in the slope plane may be small enough for few points.
+const SMALL: f64 = 0.1;
+
+/// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
+/// its value, times c^6.
+const DISC_ERROR: f64 = 5e-5;
+
+/// Radon's rule of degree 5 on the unit disc: the centre with a weight of 1/4, and a hexagon of
+/// radius sqrt(2/3), 1/8 each.
+const HEXAGON: [[f64; 2]; 6] = {
+    const RADIUS: f64 = 0.816_496_580_927_726;
+    const ACROSS: f64 = 0.707_106_781_186_547_5;
+    const ALONG: f64 = 0.5 * RADIUS;
+    [
+        [RADIUS, 0.0],
+        [ALONG, ACROSS],
+        [-ALONG, ACROSS],
+        [-RADIUS, 0.0],
+        [-ALONG, -ACROSS],
+        [ALONG, -ACROSS],
+    ]
+};
+
+/// Points of a cubature in the slope plane: p, q, the weight, and what is added to the lobe's
+/// exponent.
+pub type SlopeBatch = Batch<4>;
+
+kernel! {
+    /// The integrals of Fresnel's reflectance times the rest, and of what it exceeds the tint's
+    /// knee by.
+    pub fn integrals(
+        batch: &SlopeBatch,
+        wo: Vec3,
+        exponents: [f64; 2],
+        ior: f64,
+        knee: f64,
+    ) -> [f64; 2] {
+        let per_viewer = 1.0 / wo.z;
+        let mut sums = [[0.0; LANES]; 2];
+        for [p, q, weight, shift] in batch.blocks() {
+            let mut terms = [[0.0; LANES]; 2];
+            for i in 0..LANES {
+                let (p2, q2) = (p[i] * p[i], q[i] * q[i]);
+                let t = p2 + q2;
+                let inverse = 1.0 / (1.0 + t);
+                let cos_i = 2.0 * (wo.x * p[i] + wo.y * q[i] + wo.z) * inverse - wo.z;
+                // At the normal the quotient is 0/0 and the product 0.
+                let exponent = (exponents[0] * p2 + exponents[1] * q2) / (t + f64::MIN_POSITIVE);
+                let power = exp(shift[i] - 0.5 * exponent * log1p(t));
+                let shade = cos_i * per_viewer;
+                let shade = if shade < 1.0 { shade } else { 1.0 };
+                // A chord's end can lie on the horizon, and a rounding below it.
+                let shade = if shade > 0.0 { shade } else { 0.0 };
+                let value = weight[i] * shade * power * inverse * inverse.sqrt();
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                let beyond = fresnel - knee;
+                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                terms[0][i] = value * fresnel;
+                terms[1][i] = value * beyond;
+            }
+            for (sum, term) in sums.iter_mut().zip(&terms) {
+                for i in 0..LANES {
+                    sum[i] += term[i];
+                }
+            }
+        }
+        sums.map(total)
+    }
+}
+
+/// The specular radiance toward the viewer for a bulb of radiance 1, and how many evaluations it
+/// took.
 pub fn specular(
     view: &BulbView,
     reflectance: &Reflectance,
     response: &TintResponse,
-    density: f64,
+    fineness: Fineness,
+    instructions: Instructions,
+    batch: &mut SlopeBatch,
 ) -> ([f64; 3], u32) {
     let lobe = &reflectance.lobe;
-    let ellipse = Ellipse::new(view);
-    let mut integral = Integral {
-        slopes: Slopes::new(view.wo, lobe),
-        ior: reflectance.ior,
-        knee: response.knee,
-        fresnel: 0.0,
-        excess: 0.0,
-        evaluations: 0,
+    batch.clear();
+    let slopes = Slopes::new(view.wo, lobe);
+    // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
+    let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
+    let mut cubature = Cubature {
+        slopes,
+        levels: [view.wo.z, first, second],
+        fineness,
+        batch,
     };
-    let (reach_p, reach_q) = (lobe_reach(lobe.n_u), lobe_reach(lobe.n_v));
-    let [x_low, x_high] = ellipse.extent();
-    let (middle, radius) = (0.5 * (x_low + x_high), 0.5 * (x_high - x_low));
-    let [p0, q0] = ellipse.centre;
-    let (low, high) = (x_low.max(-reach_p - p0), x_high.min(reach_p - p0));
-    if low >= high || radius <= 0.0 {
-        return ([0.0; 3], 0);
-    }
-    // x = middle + radius sin: the chord closes like a cosine, and the sum is smooth at its ends.
-    let angle = |x: f64| libm::asin(((x - middle) / radius).clamp(-1.0, 1.0));
-    let rule = GaussRule::of(points((high - low) * lobe.n_u.sqrt(), 5.0, density));
-    for (node, weight) in rule.on(angle(low), angle(high)) {
-        let (sin, cos) = libm::sincos(node);
-        let x = middle + radius * sin;
-        let [y_low, y_high] = ellipse.chord(x);
-        let (q_low, q_high) = ((q0 + y_low).max(-reach_q), (q0 + y_high).min(reach_q));
-        if q_low < q_high {
-            integral.add_chord(p0 + x, q_low, q_high, weight * radius * cos, density);
-        }
-    }
+    cubature.fill(&Ellipse::new(view));
+    let exponents = [lobe.n_u, lobe.n_v];
+    let (ior, knee) = (reflectance.ior, response.knee);
+    let [fresnel, excess] = integrals(instructions, batch, view.wo, exponents, ior, knee);
     let scale = lobe.normalization / (2.0 * std::f64::consts::PI);
+    let radiance = response.at_moments(fresnel, excess);
     (
-        response
-            .at_moments(integral.fresnel, integral.excess)
-            .map(|channel| channel * scale),
-        integral.evaluations,
+        radiance.map(|channel| channel * scale),
+        batch.count() as u32,
     )
 }
 
-/// Sums over the ellipse: of the weight times Fresnel's reflectance, and of the weight times what
-/// that exceeds the tint's knee by. The tint is linear in both.
-struct Integral<'a> {
+/// How many there are.
+const LEVELS: usize = 3;
+
+/// The error below which it matters where on the bulb the integrand bends.
+const BENDS_SHOW: f64 = 1e-7;
+
+struct Cubature<'a> {
     slopes: Slopes<'a>,
-    ior: f64,
-    knee: f64,
-    fresnel: f64,
-    excess: f64,
-    evaluations: u32,
+    /// Cosines of the light's direction at which the integrand bends.
+    levels: [f64; LEVELS],
+    fineness: Fineness,
+    batch: &'a mut SlopeBatch,
 }
 
-impl Integral<'_> {
-    /// The chord at p, in pieces between which min(1, cos_i/cos_o) bends.
-    fn add_chord(&mut self, p: f64, low: f64, high: f64, scale: f64, density: f64) {
+impl Cubature<'_> {
+    fn fill(&mut self, ellipse: &Ellipse) {
+        let lobe = self.slopes.lobe;
+        let [middle, radius] = ellipse.extent();
+        if radius <= 0.0 {
+            return;
+        }
+        let [p0, q0] = ellipse.centre;
+        let [low, high] = ellipse.chord(middle);
+        let half_chord = 0.5 * (high - low);
+        let slant = ellipse.a12.abs() / ellipse.a22 * radius;
+        let half_width = radius.max(half_chord + slant);
+        let half_height = half_chord + slant;
+        let q_middle = q0 + 0.5 * (low + high);
+        let steepness = lobe.n_u.max(lobe.n_v).sqrt() + lobe.n_u * p0.abs() + lobe.n_v * q0.abs();
+        let change2 = half_width * half_width * steepness * steepness;
+        let missed = DISC_ERROR * change2 * change2 * change2;
+        let bends = self.levels.iter().any(|&level| {
+            let above = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
+                let (p, q) = (p0 + middle + x * radius, q_middle + y * half_height);
+                self.slopes.is_above(p, q, level)
+            });
+            above.contains(&true) && above.contains(&false)
+        });
+        if half_width < SMALL && missed < self.fineness.error() && !bends {
+            self.add_disc(ellipse, middle, radius);
+            return;
+        }
+        // Far out along its wide axis the lobe is wider along the other, too.
+        let far = q0.abs() + half_width;
+        let t = far * far;
+        let widening = if t > 0.0 {
+            (t / libm::log1p(t)).sqrt()
+        } else {
+            1.0
+        };
+        let reach_p = self.fineness.reach(lobe.n_u, TAIL_DIGITS) * widening;
+        let reach_q = self.fineness.reach(lobe.n_v, TAIL_DIGITS);
+        let low = (middle - radius).max(-reach_p - p0);
+        let high = (middle + radius).min(reach_p - p0);
+        if low >= high {
+            return;
+        }
+        // x = middle + radius sin: the chord closes like a cosine, and the sum is smooth at its
+        // ends.
+        let angle = |x: f64| libm::asin(((x - middle) / radius).clamp(-1.0, 1.0));
+        let widths = (high - low) * lobe.n_u.sqrt();
+        let points = self.fineness.points(widths, self.fineness.more_on_disc());
+        // Where chords begin to bend, their integrals do so a little: more points make up for it.
+        let points = if bends && self.fineness.error() < BENDS_SHOW {
+            3 * points
+        } else {
+            points
+        };
+        let rule = GaussRule::of(points);
+        for (node, weight) in rule.on(angle(low), angle(high)) {
+            let (sin, cos) = libm::sincos(node);
+            let x = middle + radius * sin;
+            let [y_low, y_high] = ellipse.chord(x);
+            let (q_low, q_high) = ((q0 + y_low).max(-reach_q), (q0 + y_high).min(reach_q));
+            if q_low < q_high {
+                self.add_chord(p0 + x, q_low, q_high, weight * radius * cos);
+            }
+        }
+    }
+
+    /// All of a bulb over which the lobe changes little.
+    fn add_disc(&mut self, ellipse: &Ellipse, middle: f64, radius: f64) {
+        let [low, high] = ellipse.chord(middle);
+        let half_chord = 0.5 * (high - low);
+        let area = std::f64::consts::PI * radius * half_chord;
+        // Chords' midpoints lie on a line.
+        let slope = -ellipse.a12 / ellipse.a22;
+        let [p, q] = ellipse.centre;
+        let (p, q) = (p + middle, q + 0.5 * (low + high));
+        self.batch.push([p, q, 0.25 * area, 0.0]);
+        for [x, y] in HEXAGON {
+            let along = radius * x;
+            let across = slope * along + half_chord * y;
+            self.batch.push([p + along, q + across, 0.125 * area, 0.0]);
+        }
+    }
+
+    /// The chord at p, in pieces between which the integrand bends.
+    fn add_chord(&mut self, p: f64, low: f64, high: f64, scale: f64) {
         let root = self.slopes.lobe.n_v.sqrt();
-        let [first, second] = self.slopes.level_with_viewer(p, low, high);
-        for [from, to] in [[low, first], [first, second], [second, high]] {
+        let mut ends = [high; 2 * LEVELS + 2];
+        ends[0] = low;
+        for (level, ends) in self.levels.iter().zip(ends[1..].chunks_exact_mut(2)) {
+            let crossings = self.slopes.crossings(p, *level);
+            ends.copy_from_slice(&crossings.map(|q| q.clamp(low, high)));
+        }
+        ends.sort_unstable_by(f64::total_cmp);
+        for pair in ends.windows(2) {
+            let (from, to) = (pair[0], pair[1]);
             if from >= to {
                 continue;
             }
-            let lit = self.slopes.light_above_viewer(p, 0.5 * (from + to));
             let widths = (to - from) * root;
             let near = from.max(-to) * root < 3.0;
             if self.slopes.lobe.n_v > NARROW_EXPONENT && widths > 3.0 && near {
-                self.add_normal(p, from, to, lit, scale);
+                self.add_normal(p, from, to, scale);
             } else {
-                let rule = GaussRule::of(points(widths, 3.0, density));
+                let rule = GaussRule::of(self.fineness.points(widths, 1.0));
                 for (q, weight) in rule.on(from, to) {
-                    self.add_point(p, q, lit, scale * weight, 0.0);
+                    self.batch.push([p, q, scale * weight, 0.0]);
                 }
             }
         }
@@ -164,7 +317,7 @@ impl Integral<'_> {
 
     /// A piece of a narrow lobe: the normal density's moments in closed form times the quartic
     /// through five points of the rest.
-    fn add_normal(&mut self, p: f64, from: f64, to: f64, lit: bool, scale: f64) {
+    fn add_normal(&mut self, p: f64, from: f64, to: f64, scale: f64) {
         const SPACING: f64 = 1.5;
         let root = self.slopes.lobe.n_v.sqrt();
         let (a, b) = (from * root, to * root);
@@ -188,22 +341,8 @@ impl Integral<'_> {
         ];
         for (step, weight) in [-2.0, -1.0, 0.0, 1.0, 2.0].into_iter().zip(weights) {
             let z = SPACING * step;
-            self.add_point(p, z / root, lit, scale * weight / root, 0.5 * z * z);
+            self.batch
+                .push([p, z / root, scale * weight / root, 0.5 * z * z]);
         }
-    }
-
-    fn add_point(&mut self, p: f64, q: f64, lit: bool, weight: f64, exponent_shift: f64) {
-        let point = self.slopes.at(p, q);
-        let shade = if lit {
-            1.0
-        } else {
-            point.cos_i / self.slopes.wo.z
-        };
-        let power = libm::exp(point.exponent + exponent_shift);
-        let fresnel = crate::reflectance::fresnel::reflectance(point.cos_i, self.ior);
-        let contribution = weight * shade * point.h_z3 * power;
-        self.fresnel += contribution * fresnel;
-        self.excess += contribution * (fresnel - self.knee).max(0.0);
-        self.evaluations += 1;
     }
 }

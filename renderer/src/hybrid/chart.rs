@@ -1,10 +1,13 @@
 //! The chart as the sample sees it: light off its patches, reflected toward a viewer.
 
+use super::batch::{Batch, LANES, total};
+use super::elementary::{asinh, exp, log1p};
 use super::gauss::GaussRule;
-use super::slopes::{Slopes, lobe_reach, points};
-use crate::reflectance::Reflectance;
+use super::slopes::{Fineness, Slopes};
+use crate::instructions::{Instructions, kernel};
+use crate::reflectance::{Reflectance, fresnel, lobe::Lobe};
 use crate::vector::Vec3;
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_PI, PI};
 
 /// The panel with its patches and their light.
 #[derive(Clone, Debug)]
@@ -65,126 +68,372 @@ impl Panel {
 }
 
 impl LitChart {
-    /// Whether a narrow lobe at `position` toward `wo` may reach the panel.
-    pub fn in_reach(&self, position: Vec3, wo: Vec3, reflectance: &Reflectance) -> bool {
+    /// The radiance of the patch in a column and row, counted from the panel's corner, at a place of
+    /// 0 to 1 of it along both sides.
+    pub fn light_at(&self, column: u32, row: u32, [across, up]: [f64; 2]) -> [f64; 3] {
+        let patch = ((self.panel.rows - 1 - row) * self.panel.columns + column) as usize;
+        parabola(&self.light_across(patch, up), across)
+    }
+
+    /// Gathers the directions of a product rule from `position`.
+    ///
+    /// In the plane across the panel's x axis, s is that for which sinh s is the way up the panel
+    /// over the distance to it; in a plane through the x axis, ln t that for which sinh ln t is the
+    /// way along the panel over that plane's distance to it. The solid angle is ds dt / (t cosh s
+    /// cosh^2 ln t). Rows of patches are intervals of s, and columns, for each s, of t; and however
+    /// close the sample comes to the chart, the integrand stays smooth. Intervals are parted where it
+    /// bends, at three cosines of the light's direction.
+    fn gather(
+        &self,
+        position: Vec3,
+        levels: [f64; 3],
+        window: &Window,
+        fineness: Fineness,
+        batch: &mut LightBatch,
+    ) {
         let panel = &self.panel;
-        let window = Window::new(position, wo, reflectance, panel);
-        let [width, height] = panel.size();
-        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for [a, b] in [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]] {
-            let direction = (panel.point(a, b) - position).normalized();
-            let place = [direction.x, libm::atan2(direction.z, direction.y)];
-            for axis in 0..2 {
-                low[axis] = low[axis].min(place[axis]);
-                high[axis] = high[axis].max(place[axis]);
+        let Seen { height, foot } = self.seen_from(position);
+        let s_of = |b: f64| asinh((b - foot) / height);
+        // In the plane across x, light stands as high as a level at two angles from the panel's
+        // normal: s is the inverse Gudermannian of these.
+        let bends = mirrored(levels.map(|level| {
+            if level < 1.0 {
+                0.5 * PI - libm::asin(level)
+            } else {
+                NOWHERE
             }
-        }
-        (0..2).all(|axis| {
-            let margin = window.width[axis];
-            window.low[axis] - margin <= high[axis] && window.high[axis] + margin >= low[axis]
-        })
-    }
-
-    /// The radiance that arrives at `position` against `wi`, `None` where it meets no patch.
-    pub fn seen(&self, position: Vec3, wi: Vec3) -> Option<[f64; 3]> {
-        let hit = self.panel.meet(position, wi)?;
-        Some(self.radiance(self.patch(hit)?, hit))
-    }
-
-    /// The index of the patch at (a, b), `None` off the panel.
-    fn patch(&self, [a, b]: [f64; 2]) -> Option<usize> {
-        let place = [a, b].map(|along| (along / self.panel.pitch).floor());
-        let inside = |place: f64, count: u32| (0.0..f64::from(count)).contains(&place);
-        (inside(place[0], self.panel.columns) && inside(place[1], self.panel.rows)).then(|| {
-            // The list begins with the far row.
-            let row = self.panel.rows - 1 - place[1] as u32;
-            (row * self.panel.columns + place[0] as u32) as usize
-        })
-    }
-
-    /// The radiance of a patch at (a, b) of the panel.
-    fn radiance(&self, patch: usize, [a, b]: [f64; 2]) -> [f64; 3] {
-        let weights = [a, b].map(|along| {
-            let place = along / self.panel.pitch;
-            // -1 to 1 across the patch.
-            let x = 2.0 * (place - place.floor()) - 1.0;
-            [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
-        });
-        let mut light = [0.0; 3];
-        for (line, v) in self.light[patch].iter().zip(weights[1]) {
-            for (value, u) in line.iter().zip(weights[0]) {
-                for channel in 0..3 {
-                    light[channel] += value[channel] * u * v;
+        }))
+        .map(|off_zenith| self.s_at(0.5 * PI + off_zenith));
+        let [low, high] = [window.low[1], window.high[1]].map(|beta| self.s_at(beta));
+        let mut next = s_of(0.0);
+        for row in 0..panel.rows {
+            let start = next;
+            next = s_of(f64::from(row + 1) * panel.pitch);
+            for [from, to] in parts(start.max(low), next.min(high), &bends) {
+                let angle = gudermann(to) - gudermann(from);
+                let more = fineness.more_beside(to - from);
+                let rule = GaussRule::of(fineness.points(angle / window.width[1], more));
+                for (s, weight) in rule.on(from, to) {
+                    let line = Line::new(self, row, [height, foot], s, &levels);
+                    let weight = weight * line.cos_gamma;
+                    self.gather_line(position, &line, weight, window, fineness, batch);
                 }
             }
         }
-        std::array::from_fn(|channel| self.patches[patch][channel] * light[channel])
+    }
+
+    /// The same for directions of one s.
+    fn gather_line(
+        &self,
+        position: Vec3,
+        line: &Line,
+        weight_s: f64,
+        window: &Window,
+        fineness: Fineness,
+        batch: &mut LightBatch,
+    ) {
+        let panel = &self.panel;
+        // From the sample's point to the column's left edge.
+        let along = |column: u32| panel.corner.x - position.x + f64::from(column) * panel.pitch;
+        let per_reach = 1.0 / line.reach;
+        let t_of = |along: f64| exp_asinh(along * per_reach);
+        let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
+        let (half_reach, per_pitch) = (0.5 * line.reach / panel.pitch, 1.0 / panel.pitch);
+        let mut next = t_of(along(0));
+        for column in 0..panel.columns {
+            let start = next;
+            next = t_of(along(column + 1));
+            let (from, to) = (start.max(low), next.min(high));
+            if from >= to {
+                continue;
+            }
+            let patch = ((panel.rows - 1 - line.row) * panel.columns + column) as usize;
+            let light = self.light_across(patch, line.up);
+            let along = along(column) * per_pitch;
+            for [from, to] in parts(from, to, &line.bends) {
+                let more = fineness.more_beside((to - from) / (from * to).sqrt());
+                let widths = (sine(to) - sine(from)) / window.width[0];
+                let rule = GaussRule::of(fineness.points(widths, more));
+                for (t, weight_t) in rule.on(from, to) {
+                    let t2 = t * t;
+                    let share = 1.0 / (1.0 + t2);
+                    let cos = 2.0 * t * share;
+                    let place = half_reach * (t - 1.0 / t) - along;
+                    let weight = weight_s * weight_t * 2.0 * cos * share;
+                    let [r, g, b] = parabola(&light, place).map(|light| weight * light);
+                    let sin = (t2 - 1.0) * share;
+                    batch.push([sin, cos * line.cos, cos * line.sin, r, g, b]);
+                }
+            }
+        }
+    }
+
+    /// Where the panel stands from `position`.
+    fn seen_from(&self, position: Vec3) -> Seen {
+        let panel = &self.panel;
+        let offset = position - panel.corner;
+        Seen {
+            height: panel.z.dot(offset),
+            foot: panel.y.dot(offset),
+        }
+    }
+
+    /// The s of a direction across the x axis of this angle from +y, 0 to pi; infinite for one that
+    /// passes over the panel.
+    fn s_at(&self, beta: f64) -> f64 {
+        let (sin, cos) = libm::sincos(beta);
+        let panel = &self.panel;
+        let approach = -(panel.z.y * cos + panel.z.z * sin);
+        let up = panel.y.y * cos + panel.y.z * sin;
+        if approach > 0.0 {
+            asinh(up / approach)
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// A patch's radiance at a height of 0 to 1 of it, at `LIGHT_NODES` points across.
+    fn light_across(&self, patch: usize, up: f64) -> [[f64; 3]; LIGHT_NODES] {
+        let weights = parabola_weights(up);
+        let mut light = [[0.0; 3]; LIGHT_NODES];
+        for (line, weight) in self.light[patch].iter().zip(weights) {
+            for (sum, value) in light.iter_mut().zip(line) {
+                for channel in 0..3 {
+                    sum[channel] += weight * value[channel];
+                }
+            }
+        }
+        light.map(|value| std::array::from_fn(|c| value[c] * self.patches[patch][c]))
     }
 
     /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
     /// units of white, and how many evaluations it took; for a lobe that is no thin sheet.
-    ///
-    /// A product rule on each patch: directions are (w, beta), the cosine from the panel's x axis
-    /// and the angle about it, in which d wi = dw dbeta. Rows of patches are intervals of beta; at
-    /// a beta, columns are intervals of w. Nothing grows where the sample comes close to the chart.
     pub fn reflected(
         &self,
         position: Vec3,
         wo: Vec3,
         reflectance: &Reflectance,
-        density: f64,
+        fineness: Fineness,
+        instructions: Instructions,
+        batch: &mut LightBatch,
     ) -> ([f64; 3], u32) {
-        let panel = &self.panel;
+        let window = Window::new(position, wo, reflectance, &self.panel, fineness);
         let response = reflectance.tint_response(wo.z);
-        let window = Window::new(position, wo, reflectance, panel);
-        let angle = |row: u32| {
-            let line = panel.point(0.0, f64::from(row) * panel.pitch) - position;
-            libm::atan2(line.z, line.y)
-        };
-        let height = panel.z.dot(panel.corner - position);
-        let (mut total, mut evaluations) = ([0.0; 3], 0);
-        for row in 0..panel.rows {
-            let [from, to] = window.cut(1, angle(row), angle(row + 1));
-            if from >= to {
-                continue;
-            }
-            let rule = GaussRule::of(window.points(1, to - from, density));
-            for (beta, weight_beta) in rule.on(from, to) {
-                let (sin, cos) = libm::sincos(beta);
-                // From the sample's point to the panel, across its x axis.
-                let reach = height / (panel.z.y * cos + panel.z.z * sin);
-                let edge = |column: u32| {
-                    let along = panel.corner.x + f64::from(column) * panel.pitch - position.x;
-                    along / libm::hypot(along, reach)
-                };
-                for column in 0..panel.columns {
-                    let [from, to] = window.cut(0, edge(column), edge(column + 1));
-                    if from >= to {
-                        continue;
+        // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
+        let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
+        batch.clear();
+        self.gather(position, [wo.z, first, second], &window, fineness, batch);
+        let (lobe, ior) = (&reflectance.lobe, reflectance.ior);
+        let [fresnel, excess, diffuse] =
+            integrals(instructions, batch, wo, lobe, ior, response.knee);
+        let share = reflectance.specular_share;
+        let specular = share * 0.25 * FRAC_1_PI * lobe.normalization;
+        let lambert = (1.0 - share) * FRAC_1_PI;
+        let radiance = std::array::from_fn(|channel| {
+            let tinted = response.at_moments(fresnel[channel], excess[channel])[channel];
+            specular * tinted + lambert * reflectance.rgb0[channel] * diffuse[channel]
+        });
+        (radiance, batch.count() as u32)
+    }
+}
+
+/// The panel's plane from a point before it.
+struct Seen {
+    /// The distance to it.
+    height: f64,
+    /// The b of the nearest point of it.
+    foot: f64,
+}
+
+/// Directions of one s in a row of patches.
+struct Line {
+    row: u32,
+    /// Of the angle from +y.
+    sin: f64,
+    cos: f64,
+    /// Of the angle to the panel's normal.
+    cos_gamma: f64,
+    /// From the sample's point to the panel, across its x axis.
+    reach: f64,
+    /// Where on the patches, 0 to 1 up.
+    up: f64,
+    /// The t at which the integrand bends, and some at which long intervals are parted.
+    bends: [f64; 2 * BENDS],
+}
+
+impl Line {
+    fn new(
+        chart: &LitChart,
+        row: u32,
+        [height, foot]: [f64; 2],
+        s: f64,
+        levels: &[f64; 3],
+    ) -> Self {
+        let panel = &chart.panel;
+        let e = exp(s);
+        let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+        let cos_gamma = 1.0 / cosh;
+        let across = panel.y * (sinh * cos_gamma) - panel.z * cos_gamma;
+        let up = (foot + height * sinh) / panel.pitch - f64::from(row);
+        Self {
+            row,
+            sin: across.z,
+            cos: across.y,
+            cos_gamma,
+            reach: height * cosh,
+            up: up.clamp(0.0, 1.0),
+            bends: {
+                let bends = levels.map(|level| {
+                    // cosh ln t is this where light stands at the level.
+                    let ratio = across.z / level;
+                    if ratio > 1.0 {
+                        ratio + (ratio * ratio - 1.0).sqrt()
+                    } else {
+                        NOWHERE
                     }
-                    let patch = ((panel.rows - 1 - row) * panel.columns + column) as usize;
-                    let rule = GaussRule::of(window.points(0, to - from, density));
-                    for (w, weight_w) in rule.on(from, to) {
-                        let across = (1.0 - w * w).sqrt();
-                        let wi = Vec3::new(w, across * cos, across * sin);
-                        let hit = position + wi * (reach / across) - panel.corner;
-                        let at = self.clamped(patch, [hit.dot(panel.x), hit.dot(panel.y)]);
-                        let light = self.radiance(patch, at);
-                        let reflected = reflectance.evaluate_with(&response, wi, wo);
-                        let weight = weight_beta * weight_w * wi.z;
-                        for channel in 0..3 {
-                            total[channel] += weight * light[channel] * reflected[channel];
-                        }
-                        evaluations += 1;
+                });
+                let ([a, b, c], [d, e, f]) = (bends, bends.map(|bend| 1.0 / bend));
+                let [g, h, i, j, k, l] = POWERS_OF_E;
+                [a, b, c, d, e, f, g, h, i, j, k, l]
+            },
+        }
+    }
+}
+
+/// e^-3 to e^3 without e^0, about.
+const POWERS_OF_E: [f64; BENDS] = [0.05, 0.135, 0.37, 2.7, 7.4, 20.0];
+
+/// The angle whose tangent is sinh s.
+fn gudermann(s: f64) -> f64 {
+    let e = exp(s.min(EXP_MAX));
+    2.0 * libm::atan(e) - 0.5 * PI
+}
+
+/// The sine of [`t_at_sine`].
+fn sine(t: f64) -> f64 {
+    1.0 - 2.0 / (t * t + 1.0)
+}
+
+/// Far beyond any s that meets the panel.
+const EXP_MAX: f64 = 600.0;
+
+/// exp(asinh(x)).
+fn exp_asinh(x: f64) -> f64 {
+    let sum = x.abs() + (1.0 + x * x).sqrt();
+    if x < 0.0 { 1.0 / sum } else { sum }
+}
+
+/// The t of directions of this sine, -1 to 1, from the plane across x.
+fn t_at_sine(sine: f64) -> f64 {
+    ((1.0 + sine) / (1.0 - sine)).sqrt()
+}
+
+/// Bends on both sides of 0.
+fn mirrored([a, b, c]: [f64; 3]) -> [f64; BENDS] {
+    [a, b, c, -a, -b, -c]
+}
+
+/// The parts of an interval between the bends that lie in it; none of an empty one.
+fn parts<const N: usize>(
+    from: f64,
+    to: f64,
+    bends: &[f64; N],
+) -> impl Iterator<Item = [f64; 2]> + use<N> {
+    let (mut ends, mut count) = ([to; 2 * BENDS + 2], 1);
+    ends[0] = from;
+    for &bend in bends {
+        if bend > from && bend < to {
+            ends[count] = bend;
+            count += 1;
+        }
+    }
+    ends[1..count].sort_unstable_by(f64::total_cmp);
+    let count = if from < to { count } else { 0 };
+    (0..count).map(move |i| [ends[i], ends[i + 1]])
+}
+
+/// Where the integrand bends: at three cosines of the light's direction, on either side.
+const BENDS: usize = 6;
+
+/// Farther out than any s or r: no bend.
+const NOWHERE: f64 = f64::INFINITY;
+
+/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
+/// the rule's weight in each channel.
+pub type LightBatch = Batch<6>;
+
+kernel! {
+    /// In each channel the integrals of the light times the lobe's power, cos_i / (|h| max(cos_i,
+    /// cos_o)) and Fresnel's reflectance; of the same with what that exceeds the tint's knee by;
+    /// and of the light times cos_i.
+    pub fn integrals(
+        batch: &LightBatch,
+        wo: Vec3,
+        lobe: &Lobe,
+        ior: f64,
+        knee: f64,
+    ) -> [[f64; 3]; 3] {
+        let (n_u, n_v) = (lobe.n_u, lobe.n_v);
+        // The lobe's axes in the world's frame.
+        let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+        let mut sums = [[[0.0; LANES]; 3]; 3];
+        for [x, y, z, r, g, b] in batch.blocks() {
+            let mut terms = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
+                let hu = u.x * hx + u.y * hy;
+                let hv = u.x * hy - u.y * hx;
+                let (hu2, hv2, hz2) = (hu * hu, hv * hv, hz * hz);
+                let tangential = hu2 + hv2;
+                let exponent = (n_u * hu2 + n_v * hv2) / (tangential + f64::MIN_POSITIVE);
+                let power = exp(-0.5 * exponent * log1p(tangential / hz2));
+                let cos_i = z[i];
+                let larger = if cos_i > wo.z { cos_i } else { wo.z };
+                let value = power * cos_i / ((tangential + hz2).sqrt() * larger);
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                let beyond = fresnel - knee;
+                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                terms[0][i] = value * fresnel;
+                terms[1][i] = value * beyond;
+                terms[2][i] = cos_i;
+            }
+            for (sums, term) in sums.iter_mut().zip(&terms) {
+                for (sum, light) in sums.iter_mut().zip([r, g, b]) {
+                    for i in 0..LANES {
+                        sum[i] += term[i] * light[i];
                     }
                 }
             }
         }
-        (total, evaluations)
+        sums.map(|channels| channels.map(total))
     }
 }
 
-/// The directions that a lobe reaches, as a box of (w, beta), and its widths there.
+/// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
+fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
+    let x = 2.0 * along - 1.0;
+    [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
+}
+
+fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
+    let [a, b, c] = parabola_weights(along);
+    std::array::from_fn(|i| a * light[0][i] + b * light[1][i] + c * light[2][i])
+}
+
+/// Digits beyond those that count at which the lobe's tail is cut.
+const TAIL_DIGITS: f64 = 1.0;
+
+/// Lobes that reach farther in the slope plane than this have no window.
+const WINDOW_REACH_MAX: f64 = 1.2;
+
+/// Points along each side of a lobe's reach at which the window is measured.
+const BOUNDARY_STEPS: u32 = 4;
+
+/// What is added to a window on either side, as a share of it.
+const WINDOW_MARGIN: f64 = 0.05;
+
+/// The directions that a lobe reaches, as a box of sines from the plane across x and of angles
+/// beta in it, and its widths there.
 struct Window {
     low: [f64; 2],
     high: [f64; 2],
@@ -193,12 +442,21 @@ struct Window {
 
 impl Window {
     /// The box around what the lobe reaches from `position` toward `wo`.
-    fn new(position: Vec3, wo: Vec3, reflectance: &Reflectance, panel: &Panel) -> Self {
+    fn new(
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+        panel: &Panel,
+        fineness: Fineness,
+    ) -> Self {
         debug_assert!(panel.x.x == 1.0 && position.z == 0.0);
         let lobe = &reflectance.lobe;
-        let (reach_p, reach_q) = (lobe_reach(lobe.n_u), lobe_reach(lobe.n_v));
+        let (reach_p, reach_q) = (
+            fineness.reach(lobe.n_u, TAIL_DIGITS),
+            fineness.reach(lobe.n_v, TAIL_DIGITS),
+        );
         // Beyond it, the directions are no box about the mirror direction any more.
-        let wide = reflectance.specular_share < 1.0 || reach_p.max(reach_q) > 0.5;
+        let wide = reflectance.specular_share < 1.0 || reach_p.max(reach_q) > WINDOW_REACH_MAX;
         // One width is about 1/sqrt(n) of a slope: twice that of an angle up and down, and sideways
         // less, the more so the lower the viewer stands.
         let width = 2.0 / lobe.n_u.sqrt();
@@ -212,53 +470,32 @@ impl Window {
         }
         let slopes = Slopes::new(lobe.to_lobe(wo), lobe);
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
-        for (p, q) in [
-            (-1.0, -1.0),
-            (-1.0, 0.0),
-            (-1.0, 1.0),
-            (0.0, 1.0),
-            (1.0, 1.0),
-            (1.0, 0.0),
-            (1.0, -1.0),
-            (0.0, -1.0),
-        ] {
-            let (p, q) = (p * reach_p, q * reach_q);
-            let wi = lobe.to_surface(slopes.light(p, q, &slopes.at(p, q)));
-            let place = [wi.x, libm::atan2(wi.z, wi.y)];
+        for step in 0..4 * BOUNDARY_STEPS {
+            // Around the square of side 2.
+            let along = 2.0 * f64::from(step % BOUNDARY_STEPS) / f64::from(BOUNDARY_STEPS) - 1.0;
+            let (p, q) = match step / BOUNDARY_STEPS {
+                0 => (along, -1.0),
+                1 => (1.0, along),
+                2 => (-along, 1.0),
+                _ => (-1.0, -along),
+            };
+            let wi = lobe.to_surface(slopes.light(p * reach_p, q * reach_q));
+            if wi.z < 0.0 {
+                (low[1], high[1]) = (0.0, PI);
+            }
+            let place = [wi.x, libm::atan2(wi.z.max(0.0), wi.y)];
             for axis in 0..2 {
                 low[axis] = low[axis].min(place[axis]);
                 high[axis] = high[axis].max(place[axis]);
             }
         }
         for axis in 0..2 {
-            // The reach is 6.6 widths on either side.
-            window.width[axis] = (high[axis] - low[axis]) / 13.0;
-            window.low[axis] = low[axis].max(window.low[axis]);
-            window.high[axis] = high[axis].min(window.high[axis]);
+            let reach = high[axis] - low[axis];
+            window.width[axis] = window.width[axis].min(reach / fineness.reach_widths(TAIL_DIGITS));
+            // Between the points of its boundary it may reach farther.
+            window.low[axis] = window.low[axis].max(low[axis] - WINDOW_MARGIN * reach);
+            window.high[axis] = window.high[axis].min(high[axis] + WINDOW_MARGIN * reach);
         }
         window
-    }
-
-    fn cut(&self, axis: usize, from: f64, to: f64) -> [f64; 2] {
-        [from.max(self.low[axis]), to.min(self.high[axis])]
-    }
-
-    fn points(&self, axis: usize, length: f64, density: f64) -> usize {
-        points(length / self.width[axis], 3.0, density)
-    }
-}
-
-impl LitChart {
-    /// (a, b) moved into a patch, if only just.
-    fn clamped(&self, patch: usize, hit: [f64; 2]) -> [f64; 2] {
-        let column = patch as u32 % self.panel.columns;
-        let row = self.panel.rows - 1 - patch as u32 / self.panel.columns;
-        let mut place = hit;
-        for (along, index) in place.iter_mut().zip([column, row]) {
-            let low = f64::from(index) * self.panel.pitch;
-            let high = low + self.panel.pitch;
-            *along = along.clamp(low, high.next_down());
-        }
-        place
     }
 }

@@ -2,18 +2,22 @@
 //!
 //! The light on the chart is a smooth function of the place on it. Of the light that has touched
 //! the sample once before (bulb, sample, chart) up to four hundredths of white arrive near the
-//! sample; of the light that went to and fro (bulb, chart, sample, chart) up to 2e-4. What goes on
-//! from the first of these to and fro again is at most a few 1e-5: it is left out, and its bound
-//! counts as error. Bulb and chart both stand on the +y side of the sample,
+//! sample; of the light that went to and fro (bulb, chart, sample, chart) up to 2e-4, and of what
+//! goes from the first of these to and fro again a few 1e-5. Bulb and chart both stand on the +y
+//! side of the sample,
 //! so the half vectors between them have slopes of about 1: a lobe that is narrow along both axes
 //! sends nothing to the chart (5e-7 at an exponent of 37).
 
-use super::chebyshev::{Fit, Tile, add_scaled};
+use super::Stage;
+use super::chart::{LightBatch, LitChart};
+use super::chebyshev::{Basis, Tile, add_scaled};
 use super::gauss::GaussRule;
+use super::panel::PanelOnFilm;
 use super::polygon::Rectangle;
-use super::{PanelOnFilm, Stage};
+use super::slopes::Fineness;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
+use rayon::prelude::*;
 use std::f64::consts::FRAC_1_PI;
 
 /// A lobe with larger exponents along both axes sends less than 1e-6 of white to the chart.
@@ -25,84 +29,136 @@ const SHEET_EXPONENT: f64 = 300.0;
 /// What a lobe that is a thin sheet sends to and fro is below this and is left out.
 const SHEET_TWICE_MAX: f64 = 3e-5;
 
-/// Of what goes to and fro, the share that its coarse rule may miss.
-const TWICE_ERROR: f64 = 0.1;
+/// A chart that comes closer to the sample counts as being this many metres away.
+const GAP_MIN: f64 = 1e-3;
 
-/// Points of the rule over the sample, along x and y.
-const ONCE_POINTS: [usize; 2] = [8, 10];
+/// Points of the rule over the sample, along x and y, and of the next finer one.
+const ONCE_POINTS: [[usize; 2]; 2] = [[10, 10], [14, 14]];
 
 /// The same for a lobe that is a thin sheet, whose light off the sample is a narrow band.
-const SHEET_POINTS: [usize; 2] = [28, 28];
+const SHEET_POINTS: [[usize; 2]; 2] = [[20, 20], [28, 28]];
 
 /// The same for what goes to and fro.
-const TWICE_POINTS: [usize; 2] = [4, 4];
+const TWICE_POINTS: [[usize; 2]; 2] = [[4, 6], [6, 8]];
 
-/// Irradiance over pi on the chart, in units of white, by how it came. The tiles span a and the
-/// square root of b over the chart's height: near the sample it changes fastest.
+/// How fine the light off a sheet is worked out, and what goes to and fro.
+const SHEET_ERROR: f64 = 1e-3;
+const TWICE_ERROR: f64 = 1e-2;
+
+/// Of what is allowed to the chart, the share for the light off the sample.
+const ONCE_SHARE: f64 = 0.25;
+
+/// Terms of the series for the light off the sample, and for what goes to and fro.
+const ONCE_TERMS: usize = 8;
+const TWICE_TERMS: usize = 5;
+
+/// Tiles of the light off the sample are halved no more than this often.
+const HALVINGS_MAX: u32 = 6;
+
+/// Irradiance over pi on the chart, in units of white, by how it came. The tiles span a and
+/// ln(1 + b/gap) with the gap between sample and chart: near the sample it changes fastest.
+#[derive(Debug)]
 pub struct Exchange {
     /// From the bulb by way of the sample.
-    once: Option<Tile<11>>,
+    once: Vec<Tile<ONCE_TERMS>>,
     /// From the bulb by way of the chart and the sample.
-    twice: Option<Tile<4>>,
+    twice: Option<Tile<TWICE_TERMS>>,
+    /// From the bulb by way of the sample, the chart and the sample again.
+    thrice: Option<Tile<TWICE_TERMS>>,
     /// A bound of what the sum is off by.
     error: f64,
-    height: f64,
+    evaluations: u64,
+    gap: f64,
+    /// The chart on the tiles.
+    bounds: Rectangle,
     bounces_max: u32,
 }
 
 impl Exchange {
-    /// Works out what the paths of so many bounces take.
-    pub(super) fn new(
-        stage: &Stage,
-        panel: &PanelOnFilm,
-        reflectance: &Reflectance,
-        evaluations: &mut u64,
-    ) -> Self {
+    /// Works out what the paths of so many bounces take. It does not depend on the camera.
+    pub(super) fn new(stage: &Stage, panel: &PanelOnFilm, reflectance: &Reflectance) -> Self {
         let bounces_max = stage.bounces_max;
         let lobe = &reflectance.lobe;
+        let receiver = Receiver {
+            stage,
+            panel,
+            gap: (panel.panel.corner.y - stage.sample_half).max(GAP_MIN),
+        };
         let mut exchange = Self {
-            once: None,
+            once: Vec::new(),
             twice: None,
+            thrice: None,
             error: 0.0,
-            height: panel.panel.size()[1],
+            evaluations: 0,
+            gap: receiver.gap,
+            bounds: receiver.bounds(),
             bounces_max,
         };
         if reflectance.specular_share == 1.0 && lobe.n_v > EXPONENT_MAX {
             return exchange;
         }
         let sheet = lobe.n_u > SHEET_EXPONENT;
-        let mut once_largest = 0.0;
         if bounces_max > 1 {
-            let radiance = |position: Vec3, toward: Vec3| {
-                let (radiance, spent) = stage.bulb_off_sample(position, toward, reflectance);
-                *evaluations += u64::from(spent);
-                radiance
+            let [width, height] = panel.panel.size();
+            let direct = stage.bulb_on_chart(panel, [0.5 * width, 0.5 * height]);
+            let accuracy = &stage.chart_accuracy;
+            let allowed = ONCE_SHARE * accuracy.absolute.max(accuracy.relative * direct);
+            let (tiles, error, spent) = if sheet {
+                let fineness = Fineness::new(SHEET_ERROR);
+                receiver.adaptive(allowed, SHEET_POINTS, |batch, positions| {
+                    sum_over(positions, |position, toward| {
+                        stage.bulb_off_sample(position, toward, reflectance, fineness, batch)
+                    })
+                })
+            } else {
+                let bulb = stage.small_bulb();
+                receiver.adaptive(allowed, ONCE_POINTS, |batch, positions| {
+                    bulb.off_sample(reflectance, stage.instructions, positions, batch)
+                })
             };
-            let points = if sheet { SHEET_POINTS } else { ONCE_POINTS };
-            let (tile, fit) = irradiance(stage, panel, points, radiance);
-            exchange.once = Some(tile);
-            exchange.error += fit.error;
-            once_largest = fit.largest;
+            exchange.error += error;
+            exchange.once = tiles;
+            exchange.evaluations += spent;
         }
         if bounces_max > 2 && sheet {
             exchange.error += SHEET_TWICE_MAX;
         } else if bounces_max > 2 {
-            let chart = panel.lit(|at| [stage.bulb_on_chart(panel, at); 3]);
-            let radiance = |position: Vec3, toward: Vec3| {
-                let (radiance, spent) = chart.reflected(position, toward, reflectance, 0.6);
-                *evaluations += u64::from(spent);
-                radiance
+            let fineness = Fineness::new(TWICE_ERROR);
+            let to_and_fro = |chart: &LitChart| {
+                let off_sample = |batch: &mut LightBatch, positions: &[Sent]| {
+                    sum_over(positions, |position, toward| {
+                        let instructions = stage.instructions;
+                        chart.reflected(
+                            position,
+                            toward,
+                            reflectance,
+                            fineness,
+                            instructions,
+                            batch,
+                        )
+                    })
+                };
+                receiver.single(TWICE_POINTS, off_sample)
             };
-            let (tile, fit) = irradiance(stage, panel, TWICE_POINTS, radiance);
-            exchange.error += fit.error + TWICE_ERROR * fit.largest;
-            if bounces_max > 3 {
-                // The chart sends on its first indirect light as it does the bulb's.
-                let direct = stage.bulb_on_chart(panel, [0.5 * panel.panel.size()[0], 0.0]);
-                exchange.error += fit.largest * once_largest / direct;
-            }
+            let direct = panel.lit(|at| [stage.bulb_on_chart(panel, at); 3]);
+            let (tile, error, spent) = to_and_fro(&direct);
+            exchange.error += error;
             exchange.twice = Some(tile);
+            exchange.evaluations += spent;
+            if bounces_max > 3 {
+                let indirect = panel.lit(|at| exchange.once_at(place(at, exchange.gap)));
+                let (tile, error, spent) = to_and_fro(&indirect);
+                exchange.error += error;
+                exchange.thrice = Some(tile);
+                exchange.evaluations += spent;
+            }
         }
         exchange
+    }
+
+    /// How many evaluations it took.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations
     }
 
     /// How far [`Exchange::on_chart`] may be off.
@@ -120,38 +176,90 @@ impl Exchange {
         self.sum(at, self.bounces_max - 1)
     }
 
-    fn sum(&self, [a, b]: [f64; 2], bounces_max: u32) -> [f64; 3] {
-        let at = [a, (b / self.height).max(0.0).sqrt()];
+    fn sum(&self, at: [f64; 2], bounces_max: u32) -> [f64; 3] {
+        let at = place(at, self.gap);
         let mut sum = [0.0; 3];
-        if let (Some(tile), true) = (&self.once, bounces_max > 1) {
-            add_scaled(&mut sum, tile.value(at), 1.0);
+        if bounces_max > 1 {
+            sum = self.once_at(at);
         }
         if let (Some(tile), true) = (&self.twice, bounces_max > 2) {
             add_scaled(&mut sum, tile.value(at), 1.0);
         }
+        if let (Some(tile), true) = (&self.thrice, bounces_max > 3) {
+            add_scaled(&mut sum, tile.value(at), 1.0);
+        }
         sum.map(|channel| channel.max(0.0))
+    }
+
+    fn once_at(&self, at: [f64; 2]) -> [f64; 3] {
+        let Rectangle { low, high } = self.bounds;
+        // Rounding can lead off the chart.
+        let at: [f64; 2] = std::array::from_fn(|axis| at[axis].clamp(low[axis], high[axis]));
+        let holds = |tile: &&Tile<ONCE_TERMS>| {
+            let Rectangle { low, high } = tile.rectangle;
+            (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
+        };
+        let tile = self.once.iter().find(holds);
+        tile.map_or([0.0; 3], |tile| tile.value(at))
     }
 }
 
-/// The irradiance over pi on the chart from a sample of which `radiance` leaves a point in a
-/// direction, with a rule of `points` along x (half of them on either side) and y.
-fn irradiance<const TERMS: usize>(
-    stage: &Stage,
-    panel: &PanelOnFilm,
-    points: [usize; 2],
-    mut radiance: impl FnMut(Vec3, Vec3) -> [f64; 3],
-) -> (Tile<TERMS>, Fit) {
-    let half = stage.sample_half;
-    let [width, height] = panel.panel.size();
-    let rectangle = Rectangle {
-        low: [0.0; 2],
-        high: [width, 1.0],
-    };
-    Tile::fit(rectangle, |a, w| {
-        let b = height * w * w;
-        let receiver = panel.panel.point(a, b);
+/// The place on the tiles of (a, b).
+fn place([a, b]: [f64; 2], gap: f64) -> [f64; 2] {
+    [a, libm::log1p(b.max(0.0) / gap)]
+}
+
+/// A point of the sample that sends light to a point of the chart.
+#[derive(Clone, Copy)]
+pub struct Sent {
+    /// Where from.
+    pub position: Vec3,
+    /// To the point of the chart, unit.
+    pub toward: Vec3,
+    /// What its radiance adds to irradiance over pi.
+    pub weight: f64,
+}
+
+/// The weighted sum over points, and evaluations, of a function of each point by itself.
+fn sum_over(
+    points: &[Sent],
+    mut radiance: impl FnMut(Vec3, Vec3) -> ([f64; 3], u32),
+) -> ([f64; 3], u64) {
+    let (mut sum, mut evaluations) = ([0.0; 3], 0);
+    for point in points {
+        let (radiance, spent) = radiance(point.position, point.toward);
+        add_scaled(&mut sum, radiance, point.weight);
+        evaluations += u64::from(spent);
+    }
+    (sum, evaluations)
+}
+
+/// The chart as what receives light off the sample.
+struct Receiver<'a> {
+    stage: &'a Stage,
+    panel: &'a PanelOnFilm,
+    gap: f64,
+}
+
+impl Receiver<'_> {
+    /// All of the chart.
+    fn bounds(&self) -> Rectangle {
+        let [width, height] = self.panel.panel.size();
+        let [_, top] = place([0.0, height], self.gap);
+        Rectangle {
+            low: [0.0; 2],
+            high: [width, top],
+        }
+    }
+
+    /// The points of a rule over the sample, `points` along x (half of them on either side) and y,
+    /// for a node of a tile.
+    fn points(&self, [a, s]: [f64; 2], points: [usize; 2]) -> Vec<Sent> {
+        let half = self.stage.sample_half;
+        let panel = &self.panel.panel;
+        let receiver = panel.point(a, self.gap * libm::expm1(s));
         let middle = receiver.x.clamp(-0.9 * half, 0.9 * half);
-        let mut sum = [0.0; 3];
+        let mut sent = Vec::with_capacity(points[0] * points[1]);
         // Squares of the integration variables gather points where the chart is near.
         for (s, weight_y) in GaussRule::of(points[1]).on(0.0, 1.0) {
             let y = half - 2.0 * half * s * s;
@@ -163,15 +271,91 @@ fn irradiance<const TERMS: usize>(
                     let offset = receiver - position;
                     let distance2 = offset.length_squared();
                     let toward = offset * (1.0 / distance2.sqrt());
-                    let arriving = -toward.dot(panel.panel.z);
+                    let arriving = -toward.dot(panel.z);
                     if toward.z <= 0.0 || arriving <= 0.0 {
                         continue;
                     }
-                    let scale = FRAC_1_PI * measure * toward.z * arriving / distance2;
-                    add_scaled(&mut sum, radiance(position, toward), scale);
+                    sent.push(Sent {
+                        position,
+                        toward,
+                        weight: FRAC_1_PI * measure * toward.z * arriving / distance2,
+                    });
                 }
             }
         }
-        sum
-    })
+        sent
+    }
+
+    /// The irradiance over pi in tiles as small as `allowed` asks for, the error and evaluations.
+    fn adaptive<B: Default>(
+        &self,
+        allowed: f64,
+        points: [[usize; 2]; 2],
+        off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
+    ) -> (Vec<Tile<ONCE_TERMS>>, f64, u64) {
+        let basis = Basis::new();
+        let (mut tiles, mut error, mut evaluations) = (Vec::new(), 0.0f64, 0);
+        let mut open = vec![(self.bounds(), 0)];
+        while !open.is_empty() {
+            let fits: Vec<_> = open
+                .par_iter()
+                .map(|(rectangle, depth)| {
+                    let fit = self.fit(&basis, rectangle, points, &off_sample);
+                    (*rectangle, *depth, fit)
+                })
+                .collect();
+            open.clear();
+            for (rectangle, depth, (tile, fit, missed, spent)) in fits {
+                evaluations += spent;
+                if fit.error <= allowed || depth >= HALVINGS_MAX {
+                    error = error.max(fit.error + missed);
+                    tiles.push(tile);
+                    continue;
+                }
+                let steep = usize::from(fit.tails[1] > fit.tails[0]);
+                let middle = 0.5 * (rectangle.low[steep] + rectangle.high[steep]);
+                let (mut first, mut second) = (rectangle, rectangle);
+                first.high[steep] = middle;
+                second.low[steep] = middle;
+                open.extend([(first, depth + 1), (second, depth + 1)]);
+            }
+        }
+        (tiles, error, evaluations)
+    }
+
+    /// The same in one tile.
+    fn single<B: Default>(
+        &self,
+        points: [[usize; 2]; 2],
+        off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
+    ) -> (Tile<TWICE_TERMS>, f64, u64) {
+        let (tile, fit, missed, spent) =
+            self.fit(&Basis::new(), &self.bounds(), points, &off_sample);
+        (tile, fit.error + missed, spent)
+    }
+
+    /// A tile, its fit, what the rule over the sample missed at the tile's middle, and evaluations.
+    fn fit<const TERMS: usize, B: Default>(
+        &self,
+        basis: &Basis<TERMS>,
+        rectangle: &Rectangle,
+        [coarse, fine]: [[usize; 2]; 2],
+        off_sample: &(impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync),
+    ) -> (Tile<TERMS>, super::chebyshev::Fit, f64, u64) {
+        let nodes: Vec<[f64; 2]> = basis.nodes(rectangle).collect();
+        let values: Vec<([f64; 3], u64)> = nodes
+            .into_par_iter()
+            .map_init(B::default, |batch, node| {
+                off_sample(batch, &self.points(node, coarse))
+            })
+            .collect();
+        let mut batch = B::default();
+        let middle = [0, 1].map(|axis| 0.5 * (rectangle.low[axis] + rectangle.high[axis]));
+        let [(rough, first), (better, second)] =
+            [coarse, fine].map(|points| off_sample(&mut batch, &self.points(middle, points)));
+        let missed = super::pixel::largest_difference(rough, better);
+        let spent = values.iter().map(|(_, spent)| spent).sum::<u64>() + first + second;
+        let (tile, fit) = basis.fit(*rectangle, values.into_iter().map(|(value, _)| value));
+        (tile, fit, missed, spent)
+    }
 }

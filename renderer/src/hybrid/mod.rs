@@ -9,35 +9,40 @@
 //!
 //! A view that is not of this kind goes to the path tracer: see [`Stage::new`].
 
+mod batch;
 mod bulb;
 pub(crate) mod chart;
 mod chebyshev;
+mod elementary;
 mod exchange;
 mod gauss;
-mod lobe_samples;
+mod light;
+mod mirror;
+mod panel;
 mod pixel;
 mod polygon;
 mod slopes;
+mod small_bulb;
 mod tiling;
 
 use crate::film::{Film, FilmPixel};
+use crate::instructions::Instructions;
 use crate::reflectance::Reflectance;
 use crate::scene::{PinholeCamera, Scene};
+use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
-use bulb::BulbView;
-use chart::{LIGHT_NODES, LitChart, Panel};
+use chart::LitChart;
 use dataset::specification::{Accuracy, Specification};
-use exchange::Exchange;
-use lobe_samples::LobeSampler;
+pub use exchange::Exchange;
+use light::{BulbOffSample, ChartItself, ChartOffSample};
+use mirror::MirroredChart;
+use panel::{PanelOnFilm, project};
 use polygon::Polygon;
-use rayon::prelude::*;
+use slopes::Fineness;
 use tiling::{Canvas, Demand, Region};
 
-/// Points of the film at which a part of a view is worked out before nothing is refined any more.
-const CALLS_MAX: u64 = 2_000_000;
-
-/// Evaluations after which nothing of the chart in the sample is refined any more: a few seconds.
-const CHART_EVALUATIONS_MAX: u64 = 20_000_000;
+/// Evaluations after which nothing of a part of a view is refined any more: a few seconds.
+const EVALUATIONS_MAX: u64 = 400_000_000;
 
 /// The most of a sample's hemisphere that the chart fills, weighted by the cosine.
 const VIEW_FACTOR_MAX: f64 = 0.5;
@@ -45,8 +50,22 @@ const VIEW_FACTOR_MAX: f64 = 0.5;
 /// Tiles are as long as this many features of the function on them.
 const FEATURES_PER_TILE: f64 = 3.0;
 
-/// What a cubature rule of the least density misses, as a fraction of its value.
-const RULE_ERROR: f64 = 1e-5;
+/// The shares of the target that the bulb's light and the chart's may miss.
+///
+/// The bulb's costs next to nothing, so that even pixels far below white are right to a fraction of
+/// the relative target.
+const BULB_SHARE: f64 = 0.1;
+const CHART_SHARE: f64 = 0.4;
+
+/// What is too faint for the relative target, as a share of the absolute one.
+const BULB_FAINT: f64 = 1e-4;
+
+/// The shares of the target that the rules at a point of the film may miss.
+const BULB_RULE_SHARE: f64 = 1e-3;
+const CHART_RULE_SHARE: f64 = 0.01;
+
+/// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
+const CHART_TILE: f64 = 2.0;
 
 /// A view that the hybrid integrator can render.
 #[derive(Debug)]
@@ -60,17 +79,12 @@ pub struct Stage {
     panel: Option<PanelOnFilm>,
     bounces_max: u32,
     size: [u32; 2],
-    /// The target of each of the parts that add up to a pixel.
-    accuracy: Accuracy,
-    /// Points of cubature rules against the usual number.
-    density: f64,
-}
-
-#[derive(Debug)]
-struct PanelOnFilm {
-    panel: Panel,
-    outline: Polygon,
-    patches: Vec<[f64; 3]>,
+    /// The targets of the parts that add up to a pixel, and how fine they are worked out.
+    bulb_accuracy: Accuracy,
+    bulb_fineness: Fineness,
+    chart_accuracy: Accuracy,
+    chart_fineness: Fineness,
+    instructions: Instructions,
 }
 
 impl Stage {
@@ -105,6 +119,7 @@ impl Stage {
             }
         };
         let accuracy = &specification.accuracy;
+        let target = accuracy.relative.max(accuracy.absolute);
         Some(Self {
             camera: scene.camera,
             bulb_centre: scene.bulb.centre,
@@ -115,17 +130,43 @@ impl Stage {
             panel,
             bounces_max: specification.integrator.max_bounces,
             size,
-            accuracy: Accuracy {
-                absolute: 0.4 * accuracy.absolute,
-                relative: 0.4 * accuracy.relative,
+            bulb_accuracy: Accuracy {
+                absolute: BULB_SHARE * BULB_FAINT * accuracy.absolute,
+                relative: BULB_SHARE * accuracy.relative,
             },
-            density: density(accuracy.relative.max(accuracy.absolute)),
+            bulb_fineness: Fineness::new(BULB_RULE_SHARE * target),
+            chart_accuracy: Accuracy {
+                absolute: CHART_SHARE * accuracy.absolute,
+                relative: CHART_SHARE * accuracy.relative,
+            },
+            chart_fineness: Fineness::new(CHART_RULE_SHARE * target),
+            instructions: Instructions::widest(),
         })
     }
 
-    /// Renders the view, and counts evaluations of the reflectance. `key` names the image, for what
-    /// is sampled.
-    pub fn render(&self, reflectance: &Reflectance, key: u64) -> (Film, u64) {
+    /// The same on another instruction set: the same bits, sooner or later.
+    pub fn with_instructions(self, instructions: Instructions) -> Self {
+        Self {
+            instructions,
+            ..self
+        }
+    }
+
+    /// What sample and chart send each other: the same for all views with one light and one turn of
+    /// the sample. `None` for a view without chart.
+    pub fn exchange(&self, reflectance: &Reflectance) -> Option<Exchange> {
+        let panel = self.panel.as_ref()?;
+        Some(Exchange::new(self, panel, reflectance))
+    }
+
+    /// Renders the view, counts evaluations of the reflectance, and times the stages. `exchange` is
+    /// that of [`Stage::exchange`], if it is at hand; `key` names the image, for what is sampled.
+    pub fn render(
+        &self,
+        reflectance: &Reflectance,
+        exchange: Option<&Exchange>,
+        key: u64,
+    ) -> (Film, u64, Vec<StageTime>) {
         let [width, height] = self.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
         let mut canvas = Canvas {
@@ -133,57 +174,60 @@ impl Stage {
             height,
             pixels: &mut pixels,
         };
-        let mut evaluations = 0;
-        self.add_bulb(&mut canvas, reflectance, &mut evaluations);
+        let mut stages = Vec::new();
+        let mut evaluations = timed(&mut stages, "bulb", || {
+            self.add_bulb(&mut canvas, reflectance)
+        });
         if let Some(panel) = &self.panel {
-            let exchange = Exchange::new(self, panel, reflectance, &mut evaluations);
-            self.add_chart(&mut canvas, panel, &exchange);
+            let mut own = None;
+            let exchange = timed(&mut stages, "exchange", || match exchange {
+                Some(exchange) => exchange,
+                None => own.insert(Exchange::new(self, panel, reflectance)),
+            });
+            // Counted with every view, so that an image's label does not tell what was at hand.
+            evaluations += exchange.evaluations();
+            timed(&mut stages, "chart", || {
+                self.add_chart(&mut canvas, panel, exchange);
+            });
             if self.bounces_max > 1 {
-                self.add_reflected_chart(
-                    &mut canvas,
-                    panel,
-                    &exchange,
-                    reflectance,
-                    key,
-                    &mut evaluations,
-                );
+                evaluations += timed(&mut stages, "reflected chart", || {
+                    self.add_reflected_chart(&mut canvas, panel, exchange, reflectance, key)
+                });
             }
         }
-        let rule_error = RULE_ERROR * libm::pow(10.0, -2.0 * (self.density - 1.5));
         for pixel in &mut pixels {
             // A series that interpolates darkness swings about it, within its bound.
             pixel.value = pixel.value.map(|channel| channel.max(0.0));
-            let [r, g, b] = pixel.value;
-            pixel.error += rule_error * r.max(g).max(b);
         }
         let film = Film {
             width,
             height,
             pixels,
         };
-        (film, evaluations)
+        (film, evaluations, stages)
     }
 
     /// The bulb's light off the sample.
-    fn add_bulb(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance, evaluations: &mut u64) {
+    fn add_bulb(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
         let distance = self.bulb_centre.length();
         let half_angle = self.bulb_radius / distance;
         let demand = Demand {
-            accuracy: &self.accuracy,
+            accuracy: &self.bulb_accuracy,
+            faint: self.chart_accuracy.absolute,
             side_max: self.feature_pixels(0.5 * half_angle, distance, reflectance),
-            calls_max: CALLS_MAX,
+            evaluations_max: EVALUATIONS_MAX,
+            fineness: self.bulb_fineness,
             function_error: 0.0,
         };
         let regions = [Region {
             outline: self.sample,
             factor: [1.0; 3],
         }];
-        tiling::integrate(canvas, &self.sample, &regions, &demand, |column, row| {
-            let (position, wo) = self.sample_point(column, row);
-            let (radiance, spent) = self.bulb_off_sample(position, wo, reflectance);
-            *evaluations += u64::from(spent);
-            radiance
-        });
+        let shade = BulbOffSample {
+            stage: self,
+            reflectance,
+        };
+        tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 
     /// The chart itself.
@@ -199,21 +243,19 @@ impl Stage {
             })
             .collect();
         let demand = Demand {
-            accuracy: &self.accuracy,
+            accuracy: &self.chart_accuracy,
+            faint: self.chart_accuracy.absolute,
             side_max: f64::from(self.size[0]),
-            calls_max: CALLS_MAX,
+            evaluations_max: EVALUATIONS_MAX,
+            fineness: self.chart_fineness,
             function_error: exchange.error(),
         };
-        tiling::integrate(canvas, &panel.outline, &regions, &demand, |column, row| {
-            let ray = self.camera.ray(column, row);
-            let at = panel
-                .panel
-                .meet(ray.origin, ray.direction)
-                .unwrap_or([0.0; 2]);
-            let indirect = exchange.on_chart(at);
-            let direct = self.bulb_on_chart(panel, at);
-            indirect.map(|channel| channel + direct)
-        });
+        let shade = ChartItself {
+            stage: self,
+            panel,
+            exchange,
+        };
+        tiling::integrate(canvas, &panel.outline, &regions, &demand, &shade);
     }
 
     /// The chart in the sample.
@@ -224,45 +266,41 @@ impl Stage {
         exchange: &Exchange,
         reflectance: &Reflectance,
         key: u64,
-        evaluations: &mut u64,
-    ) {
+    ) -> u64 {
         let chart = panel.lit(|at| {
             let direct = self.bulb_on_chart(panel, at);
             exchange
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
         });
-        let camera = self.camera.position;
-        if lobe_samples::wanted(reflectance, camera.z / camera.length()) {
-            *evaluations += self.add_sampled_chart(canvas, &chart, reflectance, key);
-            return;
+        if mirror::wanted(reflectance) {
+            return self.add_mirrored_chart(canvas, &chart, reflectance, key);
         }
-        let [width, height_px] = self.size.map(f64::from);
-        let (middle, toward) = self.sample_point(0.5 * width, 0.5 * height_px);
-        let (_, a_call) = chart.reflected(middle, toward, reflectance, self.density);
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
-        let half_angle = 0.5 * panel.panel.pitch / distance;
         let demand = Demand {
-            accuracy: &self.accuracy,
-            side_max: self.feature_pixels(0.5 * half_angle, distance, reflectance),
-            calls_max: CHART_EVALUATIONS_MAX / u64::from(a_call.max(1)),
+            accuracy: &self.chart_accuracy,
+            faint: self.chart_accuracy.absolute,
+            // What is as fine as the blur of a patch's edge shows at a tile's nodes.
+            side_max: CHART_TILE * self.feature_pixels(0.0, distance, reflectance),
+            evaluations_max: EVALUATIONS_MAX,
+            fineness: self.chart_fineness,
             function_error: VIEW_FACTOR_MAX * exchange.error(),
         };
         let regions = [Region {
             outline: self.sample,
             factor: [1.0; 3],
         }];
-        tiling::integrate(canvas, &self.sample, &regions, &demand, |column, row| {
-            let (position, wo) = self.sample_point(column, row);
-            let (radiance, spent) = chart.reflected(position, wo, reflectance, self.density);
-            *evaluations += u64::from(spent);
-            radiance
-        });
+        let shade = ChartOffSample {
+            stage: self,
+            chart: &chart,
+            reflectance,
+        };
+        tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 
     /// The chart in a smooth sample; returns evaluations.
-    fn add_sampled_chart(
+    fn add_mirrored_chart(
         &self,
         canvas: &mut Canvas<'_>,
         chart: &LitChart,
@@ -272,84 +310,22 @@ impl Stage {
         let Some(bounds) = self.sample.bounds().intersection(&canvas.bounds()) else {
             return 0;
         };
-        let width = self.size[0];
-        let places: Vec<(u32, u32)> = bounds.pixels().collect();
-        let sampler = LobeSampler {
+        let bounds = bounds.rounded_out();
+        let mirrored = MirroredChart {
             chart,
             reflectance,
-            accuracy: &self.accuracy,
+            camera: &self.camera,
+            outline: &self.sample,
+            accuracy: &self.chart_accuracy,
             key,
+            instructions: self.instructions,
         };
-        let before = &*canvas.pixels;
-        let sampled: Vec<_> = places
-            .par_iter()
-            .map(|&(column, row)| {
-                let surface = |column, row| {
-                    let (position, wo) = self.sample_point(column, row);
-                    let covered = position.x.abs().max(position.y.abs()) < self.sample_half;
-                    (position, wo, covered)
-                };
-                let index = row * width + column;
-                let before = before[index as usize].value;
-                sampler.pixel(before, (column, row), index, surface)
-            })
-            .collect();
-        let mut evaluations = 0;
-        for (place, (pixel, spent)) in places.into_iter().zip(sampled) {
+        let (pixels, evaluations) =
+            mirrored.render(&bounds, |column, row| canvas.value((column, row)));
+        for (place, pixel) in bounds.pixels().zip(pixels) {
             canvas.add(place, pixel.value, pixel.error);
-            evaluations += spent;
         }
         evaluations
-    }
-
-    /// The point of the sample's plane on the film, and the direction to the camera from it.
-    fn sample_point(&self, column: f64, row: f64) -> (Vec3, Vec3) {
-        let ray = self.camera.ray(column, row);
-        let mut position = ray.at(-ray.origin.z / ray.direction.z);
-        position.z = 0.0;
-        (position, -ray.direction)
-    }
-
-    /// The bulb's light off the sample at `position` toward `wo`, and evaluations spent.
-    fn bulb_off_sample(
-        &self,
-        position: Vec3,
-        wo: Vec3,
-        reflectance: &Reflectance,
-    ) -> ([f64; 3], u32) {
-        let offset = self.bulb_centre - position;
-        let distance = offset.length();
-        let sine = self.bulb_radius / distance;
-        let view = BulbView {
-            wo: reflectance.lobe.to_lobe(wo),
-            centre: reflectance.lobe.to_lobe(offset * (1.0 / distance)),
-            sin2: sine * sine,
-        };
-        let share = reflectance.specular_share;
-        let (specular, spent) = if share > 0.0 {
-            bulb::specular(
-                &view,
-                reflectance,
-                &reflectance.tint_response(wo.z),
-                self.density,
-            )
-        } else {
-            ([0.0; 3], 0)
-        };
-        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
-        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
-        let radiance = std::array::from_fn(|channel| {
-            self.bulb_radiance * (share * specular[channel] + diffuse * reflectance.rgb0[channel])
-        });
-        (radiance, spent)
-    }
-
-    /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.
-    fn bulb_on_chart(&self, panel: &PanelOnFilm, [a, b]: [f64; 2]) -> f64 {
-        let offset = self.bulb_centre - panel.panel.point(a, b);
-        let distance2 = offset.length_squared();
-        let cosine = offset.dot(panel.panel.z) / distance2.sqrt();
-        self.bulb_radiance * self.bulb_radius * self.bulb_radius / distance2 * cosine
     }
 
     /// How many pixels a tile may span. A light that spans `half_slope` in the slope plane, blurred
@@ -364,66 +340,4 @@ impl Stage {
         let foreshortening = self.camera.position.z / camera;
         (FEATURES_PER_TILE * metres / pixel_metres * foreshortening).max(4.0)
     }
-}
-
-impl PanelOnFilm {
-    /// The patches on the film, each with its reflectance.
-    fn regions(&self, camera: &PinholeCamera) -> impl Iterator<Item = Region> {
-        self.patches
-            .iter()
-            .enumerate()
-            .filter_map(|(index, &factor)| {
-                let outline = project(camera, self.corners(index))?;
-                Some(Region { outline, factor })
-            })
-    }
-
-    /// The corners of a patch.
-    fn corners(&self, index: usize) -> [Vec3; 4] {
-        let ([a, b], pitch) = (self.low_corner(index), self.panel.pitch);
-        [[0.0, 0.0], [pitch, 0.0], [pitch, pitch], [0.0, pitch]]
-            .map(|[da, db]| self.panel.point(a + da, b + db))
-    }
-
-    /// (a, b) of a patch's lower left corner; the list begins with the far row.
-    fn low_corner(&self, index: usize) -> [f64; 2] {
-        let (row, column) = (
-            index as u32 / self.panel.columns,
-            index as u32 % self.panel.columns,
-        );
-        [column, self.panel.rows - 1 - row].map(|step| f64::from(step) * self.panel.pitch)
-    }
-
-    /// The chart under the light that `irradiance` (over pi) gives.
-    fn lit(&self, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> LitChart {
-        let light = (0..self.patches.len())
-            .map(|index| {
-                let [a, b] = self.low_corner(index);
-                let step = self.panel.pitch / (LIGHT_NODES - 1) as f64;
-                std::array::from_fn(|j| {
-                    std::array::from_fn(|i| irradiance([a + step * i as f64, b + step * j as f64]))
-                })
-            })
-            .collect();
-        LitChart {
-            panel: self.panel,
-            patches: self.patches.clone(),
-            light,
-        }
-    }
-}
-
-/// The outline of a quadrilateral on the film; `None` where it reaches behind the camera.
-fn project(camera: &PinholeCamera, corners: [Vec3; 4]) -> Option<Polygon> {
-    let mut film = [[0.0; 2]; 4];
-    for (place, corner) in film.iter_mut().zip(corners) {
-        *place = camera.project(corner)?;
-    }
-    Some(Polygon::quadrilateral(film))
-}
-
-/// How many times the usual number of points a relative target takes.
-fn density(target: f64) -> f64 {
-    let digits = libm::log10(1e-3 / target);
-    (1.5 + 0.5 * digits).clamp(1.5, 4.0)
 }

@@ -81,6 +81,7 @@ fn line_integral(
     (total, error)
 }
 
-fn largest_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// Of the channels.
+pub fn largest_difference(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).abs()).fold(0.0, f64::max)
 }

@@ -60,7 +60,7 @@ impl Rectangle {
     pub fn halves(&self, axis: usize) -> [Self; 2] {
         let middle = 0.5 * (self.low[axis] + self.high[axis]);
         let middle = if self.sides()[axis] > 1.0 {
-            middle.floor()
+            middle.round()
         } else {
             middle
         };
@@ -71,8 +71,8 @@ impl Rectangle {
     }
 }
 
-/// The most corners: a quadrilateral cut by a rectangle.
-const CORNERS_MAX: usize = 12;
+/// The most corners: a quadrilateral cut by a rectangle and four lines more.
+const CORNERS_MAX: usize = 16;
 
 /// A convex polygon, counter-clockwise in (column, row).
 #[derive(Clone, Copy, Debug)]
@@ -93,6 +93,12 @@ impl Polygon {
             polygon.corners[..4].reverse();
         }
         polygon
+    }
+
+    /// From a rectangle.
+    pub fn rectangle(rectangle: &Rectangle) -> Self {
+        let ([left, top], [right, bottom]) = (rectangle.low, rectangle.high);
+        Self::quadrilateral([[left, top], [right, top], [right, bottom], [left, bottom]])
     }
 
     /// Its corners.
@@ -151,31 +157,38 @@ impl Polygon {
         })
     }
 
-    /// The part inside a rectangle (Sutherland and Hodgman).
+    /// The part inside a rectangle.
     pub fn clipped(&self, cell: &Rectangle) -> Self {
         let mut polygon = *self;
         for axis in 0..2 {
-            for (limit, sign) in [(cell.low[axis], 1.0), (cell.high[axis], -1.0)] {
-                let mut next = Self {
-                    corners: [[0.0; 2]; CORNERS_MAX],
-                    count: 0,
-                };
-                for (a, b) in polygon.edges() {
-                    let (da, db) = (sign * (a[axis] - limit), sign * (b[axis] - limit));
-                    if da >= 0.0 {
-                        next.push(a);
-                    }
-                    if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
-                        let t = da / (da - db);
-                        let mut cut = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])];
-                        cut[axis] = limit;
-                        next.push(cut);
-                    }
-                }
-                polygon = next;
+            let (low, high) = (cell.low[axis], cell.high[axis]);
+            polygon = polygon.cut(|point| point[axis] - low);
+            polygon = polygon.cut(|point| high - point[axis]);
+            // Cuts lie on the rectangle's sides but for rounding.
+            for corner in &mut polygon.corners[..polygon.count] {
+                corner[axis] = corner[axis].clamp(low, high);
             }
         }
         polygon
+    }
+
+    /// The part on which a linear function is not negative (Sutherland and Hodgman).
+    pub fn cut(&self, function: impl Fn([f64; 2]) -> f64) -> Self {
+        let mut part = Self {
+            corners: [[0.0; 2]; CORNERS_MAX],
+            count: 0,
+        };
+        for (a, b) in self.edges() {
+            let (da, db) = (function(a), function(b));
+            if da >= 0.0 {
+                part.push(a);
+            }
+            if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
+                let t = da / (da - db);
+                part.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+            }
+        }
+        part
     }
 
     fn push(&mut self, corner: [f64; 2]) {

@@ -2,23 +2,75 @@
 
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
+use std::f64::consts::LN_10;
 
-/// Twice the logarithm of what the lobe falls to where it is left out: exp(-22) is 3e-10.
-const CUT: f64 = 44.0;
+/// So many digits more take at least one point more along every interval.
+const FINER_DIGITS: f64 = 3.3;
 
-/// The slope beyond which a lobe of exponent `n` is left out; infinite for one that never vanishes.
-pub fn lobe_reach(n: f64) -> f64 {
-    let exponent = CUT / n;
-    if exponent > 600.0 {
-        f64::INFINITY
-    } else {
-        libm::expm1(exponent).sqrt()
-    }
+/// How fine a cubature over a lobe is: the decimal digits of its largest value that count.
+#[derive(Clone, Copy, Debug)]
+pub struct Fineness {
+    digits: f64,
 }
 
-/// Gauss points for an interval of so many lobe widths, `least` for a short one.
-pub fn points(widths: f64, least: f64, density: f64) -> usize {
-    ((least + 1.5 * widths.min(14.0)) * density).ceil() as usize
+impl Fineness {
+    /// For errors of about `error` times the lobe's largest value.
+    pub fn new(error: f64) -> Self {
+        Self {
+            digits: -libm::log10(error).clamp(-12.0, -2.0),
+        }
+    }
+
+    /// The error asked for, as a share of the lobe's largest value.
+    pub fn error(self) -> f64 {
+        libm::exp10(-self.digits)
+    }
+
+    /// The next finer, which tells how far this one is off.
+    pub fn finer(self) -> Self {
+        Self {
+            digits: self.digits + FINER_DIGITS,
+        }
+    }
+
+    /// The slope beyond which a lobe of exponent `n` is left out, where it has fallen by `more`
+    /// digits more than count; infinite for one that never does.
+    pub fn reach(self, n: f64, more: f64) -> f64 {
+        let exponent = 2.0 * LN_10 * (self.digits + more) / n;
+        if exponent > 600.0 {
+            f64::INFINITY
+        } else {
+            libm::expm1(exponent).sqrt()
+        }
+    }
+
+    /// Whether no finer one would gain anything.
+    pub fn is_finest(self) -> bool {
+        self.digits >= 12.0
+    }
+
+    /// From one end of a narrow lobe's reach to the other, in widths.
+    pub fn reach_widths(self, more: f64) -> f64 {
+        2.0 * (2.0 * LN_10 * (self.digits + more)).sqrt()
+    }
+
+    /// Gauss points for an interval of so many lobe widths: enough for a normal density wherever
+    /// the interval lies on it (found by trying), and `more` for what multiplies it.
+    pub fn points(self, widths: f64, more: f64) -> usize {
+        let d = self.digits;
+        (0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more).ceil() as usize
+    }
+
+    /// The `more` for the squared cosine by which a disc's chords end.
+    pub fn more_on_disc(self) -> f64 {
+        2.8 + 0.27 * self.digits
+    }
+
+    /// The `more` for a function that is analytic less than pi/2 beside an interval of this
+    /// length: Gauss's rule of n points misses rho^(-2n) with ln rho = asinh(pi / length).
+    pub fn more_beside(self, length: f64) -> f64 {
+        0.334 * self.digits * length
+    }
 }
 
 /// The slope plane of a viewer and a lobe.
@@ -30,63 +82,58 @@ pub struct Slopes<'a> {
     pub lobe: &'a Lobe,
 }
 
-/// What a half vector stands for.
-#[derive(Clone, Copy, Debug)]
-pub struct SlopePoint {
-    /// Cosine of the light's direction.
-    pub cos_i: f64,
-    /// h_z^3: the slope plane's measure is that of half vectors over h_z^3.
-    pub h_z3: f64,
-    /// The logarithm of the lobe's power (n.h)^e.
-    pub exponent: f64,
-}
-
 impl<'a> Slopes<'a> {
     /// The plane for this viewer, a unit vector in the lobe's frame.
     pub fn new(wo: Vec3, lobe: &'a Lobe) -> Self {
         Self { wo, lobe }
     }
 
-    /// What (p, q) stands for.
-    pub fn at(&self, p: f64, q: f64) -> SlopePoint {
-        let (p2, q2) = (p * p, q * q);
-        let t = p2 + q2;
-        let inverse = 1.0 / (1.0 + t);
-        let root = inverse.sqrt();
+    /// The direction to the light for the half vector of slopes (p, q), in the lobe's frame.
+    pub fn light(&self, p: f64, q: f64) -> Vec3 {
         let along = self.wo.x * p + self.wo.y * q + self.wo.z;
-        // ln(1+t)/t, by its series where the quotient has no digits.
-        let ratio = if t > 1e-12 {
-            libm::log1p(t) / t
-        } else {
-            1.0 - 0.5 * t
-        };
-        SlopePoint {
-            cos_i: 2.0 * along * inverse - self.wo.z,
-            h_z3: inverse * root,
-            exponent: -0.5 * (self.lobe.n_u * p2 + self.lobe.n_v * q2) * ratio,
-        }
-    }
-
-    /// The direction to the light at (p, q), in the lobe's frame.
-    pub fn light(&self, p: f64, q: f64, point: &SlopePoint) -> Vec3 {
-        let scale = point.cos_i + self.wo.z;
+        let scale = 2.0 * along / (1.0 + p * p + q * q);
         Vec3::new(p * scale, q * scale, scale) - self.wo
     }
 
-    /// Where on the line p the light stands as high as the viewer, cut to [low, high], in order.
-    /// cos_i = cos_o is the circle p wo_u + q wo_v = wo_z (p^2 + q^2).
-    pub fn level_with_viewer(&self, p: f64, low: f64, high: f64) -> [f64; 2] {
+    /// The q on the line p at which the light's cosine is `cos_i`, a circle of the plane; both
+    /// infinite where the line misses it.
+    pub fn crossings(&self, p: f64, cos_i: f64) -> [f64; 2] {
+        // 2 (wo_u p + wo_v q + wo_z) = (cos_i + wo_z)(1 + p^2 + q^2)
         let wo = self.wo;
-        let discriminant = wo.y * wo.y + 4.0 * wo.z * p * (wo.x - wo.z * p);
+        let sum = cos_i + wo.z;
+        let discriminant = wo.y * wo.y + sum * (wo.z - cos_i + p * (2.0 * wo.x - sum * p));
         if discriminant <= 0.0 {
-            return [low; 2];
+            return [f64::INFINITY; 2];
         }
         let root = discriminant.sqrt();
-        [wo.y - root, wo.y + root].map(|sum| (sum / (2.0 * wo.z)).clamp(low, high))
+        [(wo.y - root) / sum, (wo.y + root) / sum]
     }
 
-    /// Whether the light at (p, q) stands higher than the viewer.
-    pub fn light_above_viewer(&self, p: f64, q: f64) -> bool {
-        p * self.wo.x + q * self.wo.y > self.wo.z * (p * p + q * q)
+    /// Whether the light's cosine at (p, q) is above `cos_i`.
+    pub fn is_above(&self, p: f64, q: f64, cos_i: f64) -> bool {
+        let wo = self.wo;
+        2.0 * (p * wo.x + q * wo.y + wo.z) > (cos_i + wo.z) * (1.0 + p * p + q * q)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_light_has_its_cosine_at_the_crossings() {
+        let lobe = Lobe::new(60.0, 0.4, 0.0);
+        let slopes = Slopes::new(Vec3::new(0.3, -0.8, 0.52).normalized(), &lobe);
+        for cos_i in [0.1, 0.5, 0.9, slopes.wo.z] {
+            for q in slopes.crossings(0.1, cos_i) {
+                assert!(q.is_finite());
+                assert!((slopes.light(0.1, q).z - cos_i).abs() < 1e-14);
+                assert_ne!(
+                    slopes.is_above(0.1, q - 1e-6, cos_i),
+                    slopes.is_above(0.1, q + 1e-6, cos_i)
+                );
+            }
+        }
+        assert_eq!(slopes.crossings(5.0, 0.99), [f64::INFINITY; 2]);
     }
 }

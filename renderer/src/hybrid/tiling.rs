@@ -6,14 +6,19 @@
 //! covered polygon. A pixel on which even a tile of its own does not do is integrated by adaptive
 //! quadrature.
 
-use super::chebyshev::{Tile, add_scaled};
+use super::chebyshev::{Basis, Tile, add_scaled};
 use super::pixel;
 use super::polygon::{Polygon, Rectangle};
+use super::slopes::Fineness;
 use crate::film::{FilmPixel, target};
 use dataset::specification::Accuracy;
+use rayon::prelude::*;
 
 /// Terms of the series along each side of a tile.
 const TERMS: usize = 8;
+
+/// The share of what is allowed that the rule at a tile's middle may miss.
+const RULE_SHARE: f64 = 0.1;
 
 /// The narrowest tile that spans several pixels the other way.
 const STRIP_MIN: f64 = 0.125;
@@ -37,17 +42,9 @@ impl Canvas<'_> {
         }
     }
 
-    /// The least brightness so far of the pixels of a rectangle that lie inside an outline.
-    fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
-        let least = rectangle
-            .pixels()
-            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
-            .map(|(column, row)| {
-                let [r, g, b] = self.pixels[(row * self.width + column) as usize].value;
-                r.max(g).max(b)
-            })
-            .fold(f64::INFINITY, f64::min);
-        if least.is_finite() { least } else { 0.0 }
+    /// A pixel's value so far.
+    pub fn value(&self, (column, row): (u32, u32)) -> [f64; 3] {
+        self.pixels[(row * self.width + column) as usize].value
     }
 
     /// Adds to a pixel.
@@ -70,81 +67,248 @@ pub struct Region {
 pub struct Demand<'a> {
     /// The target for what is added to a pixel.
     pub accuracy: &'a Accuracy,
+    /// What is too faint to matter: its target after half of all evaluations are spent.
+    pub faint: f64,
     /// The side in pixels of a tile that cannot overlook a feature of the function.
     pub side_max: f64,
-    /// Calls of the function after which nothing is refined any more.
-    pub calls_max: u64,
-    /// What the function itself may be off by.
+    /// Evaluations after which nothing is refined any more.
+    pub evaluations_max: u64,
+    /// How fine the function is worked out.
+    pub fineness: Fineness,
+    /// What the function may be off by besides.
     pub function_error: f64,
 }
 
-/// Adds the integrals of `function` over the pixels of the regions, which lie inside `outline`.
-/// Returns how often it was called.
-pub fn integrate(
+/// A function of the film. What it works with is kept from call to call.
+pub trait Shade: Sync {
+    /// Buffers.
+    type Scratch: Default;
+
+    /// The function at (column, row) and how many evaluations of the reflectance it took.
+    fn at(
+        &self,
+        scratch: &mut Self::Scratch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> ([f64; 3], u32);
+}
+
+/// Adds the integrals of `shade` over the pixels of the regions, which lie inside `outline`.
+/// Returns how many evaluations it took.
+pub fn integrate<S: Shade>(
     canvas: &mut Canvas<'_>,
     outline: &Polygon,
     regions: &[Region],
     demand: &Demand<'_>,
-    mut function: impl FnMut(f64, f64) -> [f64; 3],
+    shade: &S,
 ) -> u64 {
-    let gain = regions
-        .iter()
-        .flat_map(|region| region.factor)
-        .fold(0.0, f64::max);
-    let mut calls = 0;
-    let mut counted = |column: f64, row: f64| {
-        calls += 1;
-        (function(column, row), calls)
+    let Some(bounds) = outline.bounds().intersection(&canvas.bounds()) else {
+        return 0;
     };
-    let mut open: Vec<Rectangle> = outline
-        .bounds()
-        .intersection(&canvas.bounds())
-        .map(|bounds| bounds.rounded_out())
-        .into_iter()
-        .collect();
-    let mut spent = 0;
-    while let Some(rectangle) = open.pop() {
-        if outline.clipped(&rectangle).is_empty() {
-            continue;
-        }
-        let sides = rectangle.sides();
-        let longest = usize::from(sides[1] > sides[0]);
-        if sides[longest] > demand.side_max.max(1.0) {
-            open.extend(rectangle.halves(longest));
-            continue;
-        }
-        let (tile, fit) = Tile::<TERMS>::fit(rectangle, |column, row| {
-            let (value, calls) = counted(column, row);
-            spent = calls;
-            value
-        });
-        // What was added before counts: a pixel's target is for all of it.
-        let before = canvas.least(&rectangle, outline);
-        let allowed = target(demand.accuracy, [before + gain * fit.least; 3]) / gain;
-        if fit.error <= allowed || spent >= demand.calls_max {
-            add_tile(canvas, &tile, fit.error + demand.function_error, regions);
-            continue;
-        }
-        let steep = usize::from(fit.tails[1] > fit.tails[0]);
-        if let Some(axis) = axis_to_halve(sides, steep) {
-            open.extend(rectangle.halves(axis));
-            continue;
-        }
-        let mean = tile.integral(&rectangle).map(|sum| sum / rectangle.area());
-        let brightest = mean[0].max(mean[1]).max(mean[2]);
-        let allowed = target(demand.accuracy, [before + gain * brightest; 3]) / gain;
-        for region in regions {
-            let covered = region.outline.clipped(&rectangle);
-            let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
-                let (value, calls) = counted(column, row);
-                spent = calls;
-                value
-            });
-            let error = error + demand.function_error * covered.area();
-            add_region(canvas, &rectangle, region, value, error);
+    let tiling = Tiling {
+        before: Brightness::of(canvas),
+        outline,
+        regions,
+        demand,
+        shade,
+        basis: Basis::new(),
+        gain: regions
+            .iter()
+            .flat_map(|region| region.factor)
+            .fold(0.0, f64::max),
+    };
+    let mut open = roots(bounds, demand.side_max.max(1.0));
+    let mut evaluations = 0;
+    // All tiles of a size before any smaller one: where evaluations run out, they do so everywhere,
+    // and what was spent does not depend on the schedule of threads.
+    while !open.is_empty() {
+        let effort = Effort::after(evaluations, demand.evaluations_max);
+        let grown: Vec<(Growth, u64)> = open
+            .par_iter()
+            .map_init(S::Scratch::default, |scratch, rectangle| {
+                tiling.grow(rectangle, effort, scratch)
+            })
+            .collect();
+        open.clear();
+        for (growth, spent) in grown {
+            evaluations += spent;
+            match growth {
+                Growth::Nothing => {}
+                Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
+                Growth::Pixel(cell, parts) => {
+                    for (region, (value, error)) in regions.iter().zip(parts) {
+                        add_region(canvas, &cell, region, value, error);
+                    }
+                }
+                Growth::Halves(halves) => open.extend(halves),
+            }
         }
     }
-    spent
+    evaluations
+}
+
+/// A rectangle cut into parts whose sides are at most `side_max`.
+fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
+    let (mut open, mut roots) = (vec![rectangle], Vec::new());
+    while let Some(rectangle) = open.pop() {
+        let sides = rectangle.sides();
+        let longest = usize::from(sides[1] > sides[0]);
+        if sides[longest] > side_max {
+            open.extend(rectangle.halves(longest));
+        } else {
+            roots.push(rectangle);
+        }
+    }
+    roots
+}
+
+/// What a rectangle of the film came to.
+enum Growth {
+    /// Nothing of the outline is on it.
+    Nothing,
+    /// A series and the error of the function.
+    Tile(Box<Tile<TERMS>>, f64),
+    /// For each region the integral over what it covers, and its error.
+    Pixel(Rectangle, Vec<([f64; 3], f64)>),
+    /// The function is not smooth on it.
+    Halves([Rectangle; 2]),
+}
+
+/// How hard to try, by what has been spent.
+#[derive(Clone, Copy, PartialEq)]
+enum Effort {
+    /// Everything is refined that its target asks for.
+    Full,
+    /// What is too faint to matter is not.
+    Less,
+    /// Nothing is refined any more.
+    None,
+}
+
+impl Effort {
+    fn after(spent: u64, most: u64) -> Self {
+        if spent >= most {
+            Self::None
+        } else if spent >= most / 2 {
+            Self::Less
+        } else {
+            Self::Full
+        }
+    }
+}
+
+/// The largest channel of every pixel, row by row.
+struct Brightness {
+    width: u32,
+    pixels: Vec<f64>,
+}
+
+impl Brightness {
+    fn of(canvas: &Canvas<'_>) -> Self {
+        let brightest = |pixel: &FilmPixel| {
+            let [r, g, b] = pixel.value;
+            r.max(g).max(b)
+        };
+        Self {
+            width: canvas.width,
+            pixels: canvas.pixels.iter().map(brightest).collect(),
+        }
+    }
+
+    /// The least of the pixels of a rectangle that lie inside an outline.
+    fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
+        let least = rectangle
+            .pixels()
+            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
+            .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
+            .fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 0.0 }
+    }
+}
+
+struct Tiling<'a, S> {
+    /// The film as it was.
+    before: Brightness,
+    outline: &'a Polygon,
+    regions: &'a [Region],
+    demand: &'a Demand<'a>,
+    shade: &'a S,
+    basis: Basis<TERMS>,
+    gain: f64,
+}
+
+impl<S: Shade> Tiling<'_, S> {
+    /// Works out a rectangle, or halves it where the function is not smooth; also counts
+    /// evaluations.
+    fn grow(
+        &self,
+        rectangle: &Rectangle,
+        effort: Effort,
+        scratch: &mut S::Scratch,
+    ) -> (Growth, u64) {
+        if self.outline.clipped(rectangle).is_empty() {
+            return (Growth::Nothing, 0);
+        }
+        let demand = self.demand;
+        let mut spent = 0;
+        let mut evaluate = |place: [f64; 2], fineness: Fineness| {
+            let (value, evaluations) = self.shade.at(scratch, place, fineness);
+            spent += u64::from(evaluations);
+            value
+        };
+        // What was added before counts: a pixel's target is for all of it.
+        let before = self.before.least(rectangle, self.outline);
+        let [low, high] = [rectangle.low, rectangle.high];
+        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        // What a rule misses shows against the next finer one.
+        let mut fineness = demand.fineness;
+        let mut coarse = evaluate(middle, fineness);
+        let missed = loop {
+            let fine = evaluate(middle, fineness.finer());
+            let missed = pixel::largest_difference(coarse, fine);
+            let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
+            if missed <= RULE_SHARE * self.allowed(brightness, effort) || fineness.is_finest() {
+                break missed + demand.function_error;
+            }
+            (fineness, coarse) = (fineness.finer(), fine);
+        };
+        let nodes = self.basis.nodes(rectangle);
+        let values = nodes.map(|node| evaluate(node, fineness));
+        let (tile, fit) = self.basis.fit(*rectangle, values);
+        let allowed = self.allowed(before + self.gain * fit.least, effort);
+        if fit.error <= allowed || effort == Effort::None {
+            return (Growth::Tile(Box::new(tile), fit.error + missed), spent);
+        }
+        let steep = usize::from(fit.tails[1] > fit.tails[0]);
+        if let Some(axis) = axis_to_halve(rectangle.sides(), steep) {
+            return (Growth::Halves(rectangle.halves(axis)), spent);
+        }
+        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
+        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        let allowed = self.allowed(before + self.gain * brightest, effort);
+        let parts = self
+            .regions
+            .iter()
+            .map(|region| {
+                let covered = region.outline.clipped(rectangle);
+                let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
+                    evaluate([column, row], fineness)
+                });
+                (value, error + missed * covered.area())
+            })
+            .collect();
+        (Growth::Pixel(*rectangle, parts), spent)
+    }
+
+    /// The error allowed to the function where a pixel is so bright.
+    fn allowed(&self, brightness: f64, effort: Effort) -> f64 {
+        let allowed = target(self.demand.accuracy, [brightness; 3]);
+        let faint = match effort {
+            Effort::Full => 0.0,
+            Effort::Less | Effort::None => self.demand.faint,
+        };
+        allowed.max(faint) / self.gain
+    }
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a

@@ -41,8 +41,10 @@ fn hue(fresnel: f64, colour: [f64; 3]) -> [f64; 3] {
 /// exceeds the knee by are all that a tinted integral takes.
 #[derive(Clone, Copy, Debug)]
 pub struct TintResponse {
-    slope: [f64; 3],
-    bend: [f64; 3],
+    /// Below the knee.
+    pub slope: [f64; 3],
+    /// What is added to it beyond.
+    pub bend: [f64; 3],
     /// Where desaturation begins; above 1 where it never does.
     pub knee: f64,
 }

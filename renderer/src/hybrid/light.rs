@@ -1,0 +1,133 @@
+//! The light toward the camera from a point of the film, by how it came.
+
+use super::Stage;
+use super::bulb::{self, BulbView, SlopeBatch};
+use super::chart::{LightBatch, LitChart};
+use super::exchange::Exchange;
+use super::panel::PanelOnFilm;
+use super::slopes::Fineness;
+use super::small_bulb::SmallBulb;
+use super::tiling::Shade;
+use crate::reflectance::Reflectance;
+use crate::vector::Vec3;
+
+/// The bulb's light off the sample.
+pub struct BulbOffSample<'a> {
+    pub stage: &'a Stage,
+    pub reflectance: &'a Reflectance,
+}
+
+impl Shade for BulbOffSample<'_> {
+    type Scratch = SlopeBatch;
+
+    fn at(&self, scratch: &mut SlopeBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        self.stage
+            .bulb_off_sample(position, wo, self.reflectance, fineness, scratch)
+    }
+}
+
+/// The chart itself, but for the reflectance of its patches.
+pub struct ChartItself<'a> {
+    pub stage: &'a Stage,
+    pub panel: &'a PanelOnFilm,
+    pub exchange: &'a Exchange,
+}
+
+impl Shade for ChartItself<'_> {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), [column, row]: [f64; 2], _: Fineness) -> ([f64; 3], u32) {
+        let ray = self.stage.camera.ray(column, row);
+        let panel = &self.panel.panel;
+        // Nodes of a tile can lie beyond the panel's vanishing line.
+        let at = panel.meet(ray.origin, ray.direction).unwrap_or([0.0; 2]);
+        let direct = self.stage.bulb_on_chart(self.panel, at);
+        let indirect = self.exchange.on_chart(at);
+        (indirect.map(|channel| channel + direct), 0)
+    }
+}
+
+/// The chart in the sample.
+pub struct ChartOffSample<'a> {
+    pub stage: &'a Stage,
+    pub chart: &'a LitChart,
+    pub reflectance: &'a Reflectance,
+}
+
+impl Shade for ChartOffSample<'_> {
+    type Scratch = LightBatch;
+
+    fn at(&self, scratch: &mut LightBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        let instructions = self.stage.instructions;
+        self.chart.reflected(
+            position,
+            wo,
+            self.reflectance,
+            fineness,
+            instructions,
+            scratch,
+        )
+    }
+}
+
+impl Stage {
+    /// The point of the sample's plane on the film, and the direction to the camera from it.
+    pub(super) fn sample_point(&self, [column, row]: [f64; 2]) -> (Vec3, Vec3) {
+        let ray = self.camera.ray(column, row);
+        let mut position = ray.at(-ray.origin.z / ray.direction.z);
+        position.z = 0.0;
+        (position, -ray.direction)
+    }
+
+    /// The bulb's light off the sample at `position` toward `wo`, and evaluations spent.
+    pub(super) fn bulb_off_sample(
+        &self,
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+        fineness: Fineness,
+        batch: &mut SlopeBatch,
+    ) -> ([f64; 3], u32) {
+        let offset = self.bulb_centre - position;
+        let distance = offset.length();
+        let sine = self.bulb_radius / distance;
+        let view = BulbView {
+            wo: reflectance.lobe.to_lobe(wo),
+            centre: reflectance.lobe.to_lobe(offset * (1.0 / distance)),
+            sin2: sine * sine,
+        };
+        let share = reflectance.specular_share;
+        let (specular, spent) = if share > 0.0 {
+            let response = reflectance.tint_response(wo.z);
+            let instructions = self.instructions;
+            bulb::specular(&view, reflectance, &response, fineness, instructions, batch)
+        } else {
+            ([0.0; 3], 0)
+        };
+        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
+        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
+        let radiance = std::array::from_fn(|channel| {
+            self.bulb_radiance * (share * specular[channel] + diffuse * reflectance.rgb0[channel])
+        });
+        (radiance, spent)
+    }
+
+    /// The bulb where it is small against the lobe.
+    pub(super) fn small_bulb(&self) -> SmallBulb {
+        SmallBulb {
+            centre: self.bulb_centre,
+            radius: self.bulb_radius,
+            radiance: self.bulb_radiance,
+        }
+    }
+
+    /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.
+    pub(super) fn bulb_on_chart(&self, panel: &PanelOnFilm, [a, b]: [f64; 2]) -> f64 {
+        let offset = self.bulb_centre - panel.panel.point(a, b);
+        let distance2 = offset.length_squared();
+        let cosine = offset.dot(panel.panel.z) / distance2.sqrt();
+        self.bulb_radiance * self.bulb_radius * self.bulb_radius / distance2 * cosine
+    }
+}
