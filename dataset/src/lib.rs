@@ -14,6 +14,7 @@
 
 pub mod colour;
 mod digest;
+mod hard_cases;
 mod image_label;
 mod keystream;
 pub mod manifest;
@@ -25,6 +26,7 @@ mod split;
 pub mod view;
 
 pub use digest::{Digest, ParseDigestError};
+pub use hard_cases::{HARD_CASES, HardCase};
 pub use image_label::{ErrorStatistics, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION};
 pub use manifest::{CompletedView, blob_path};
 pub use material::{Material, MaterialError};

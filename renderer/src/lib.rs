@@ -17,8 +17,10 @@ mod render;
 mod replicates;
 pub mod sampler;
 pub mod scene;
+mod stage_time;
 pub mod vector;
 mod warp;
 
-pub use exr_file::{ExrError, decode as decode_exr};
+pub use exr_file::{ExrError, decode as decode_exr, encode as encode_exr};
 pub use render::{RenderError, Renderer, Rendering};
+pub use stage_time::StageTime;

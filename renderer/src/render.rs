@@ -9,6 +9,7 @@ use crate::reflectance::Reflectance;
 use crate::replicates::{REPLICATES, estimate};
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::Scene;
+use crate::stage_time::{StageTime, timed};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
     specification::IntegratorKind,
@@ -39,6 +40,8 @@ pub struct Rendering {
     pub exr: Vec<u8>,
     /// The error and the cost.
     pub statistics: ErrorStatistics,
+    /// What each stage took, in the order in which they ran.
+    pub stages: Vec<StageTime>,
 }
 
 /// Why a view could not be rendered.
@@ -139,21 +142,28 @@ impl Renderer {
         let key = sampler_key(&header);
         let rotation_deg = view_specification.rotation_deg;
         let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
-        let (film, samples, evaluations) = match &prepared.stage {
+        let (film, samples, evaluations, mut stages) = match &prepared.stage {
             Some(stage) => {
-                let (film, evaluations) = stage.render(&reflectance, key);
-                (film, 0, evaluations)
+                let (film, evaluations, stages) = stage.render(&reflectance, key);
+                (film, 0, evaluations, stages)
             }
             None => {
-                let (film, samples) = self.trace(&prepared.scene, &reflectance, key);
-                (film, samples, 0)
+                let mut stages = Vec::new();
+                let (film, samples) = timed(&mut stages, "trace", || {
+                    self.trace(&prepared.scene, &reflectance, key)
+                });
+                (film, samples, 0, stages)
             }
         };
         check_pixels(&film, view)?;
+        let exr = timed(&mut stages, "encode", || {
+            exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
+        })?;
         Ok(Rendering {
-            exr: exr_file::encode(&film, self.specification.image.pixel, &header, self.white())?,
+            exr,
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
+            stages,
         })
     }
 

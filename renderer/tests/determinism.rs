@@ -1,12 +1,9 @@
 //! One image, one file: whatever traces the rays, however many threads, on whatever instructions.
 
-mod hard_materials;
-
 use dataset::{
-    Digest, Specification,
+    Digest, HARD_CASES, Specification,
     specification::{IntegratorKind, Pixel},
 };
-use hard_materials::hard_materials;
 use rayon::ThreadPoolBuilder;
 use renderer::{Renderer, geometry::BackendChoice};
 
@@ -30,7 +27,7 @@ fn digest(
     let mut specification = specification();
     specification.integrator.kind = kind;
     let renderer = Renderer::new(&specification, backend).expect("a renderer");
-    let (_, material) = hard_materials()[material];
+    let material = HARD_CASES[material].material;
     let pool = ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -61,7 +58,7 @@ fn backends_and_instruction_sets_change_no_byte() {
     if std::is_x86_feature_detected!("avx512f") {
         backends.push("embree:avx512");
     }
-    for material in 0..hard_materials().len() {
+    for material in 0..HARD_CASES.len() {
         for view in [0, 4, 5, 8] {
             let native = digest(IntegratorKind::Path, "native", 2, material, view);
             for backend in &backends {
@@ -78,7 +75,7 @@ fn backends_and_instruction_sets_change_no_byte() {
 #[test]
 fn the_last_digit_of_a_parameter_shows() {
     let renderer = Renderer::new(&specification(), BackendChoice::Native).expect("a renderer");
-    let (_, material) = hard_materials()[0];
+    let material = HARD_CASES[0].material;
     let mut other = material;
     other.roughness = other.roughness.next_up();
     let render = |material| renderer.render(material, Some(7), 5).expect("an image");
@@ -96,7 +93,7 @@ fn sixteen_and_thirty_two_bit_files_hold_the_film() {
         specification.image.pixel = pixel;
         let renderer = Renderer::new(&specification, BackendChoice::Native).expect("a renderer");
         let rendering = renderer
-            .render(&hard_materials()[0].1, Some(7), 5)
+            .render(&HARD_CASES[0].material, Some(7), 5)
             .expect("an image");
         let path =
             std::env::temp_dir().join(format!("brdfarm-{pixel:?}-{}.exr", std::process::id()));

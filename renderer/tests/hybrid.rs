@@ -1,13 +1,11 @@
 //! The hybrid integrator against cubature, against the path tracer, and against its own word.
 
-mod hard_materials;
 mod reference_pixels;
 
 use dataset::{
-    Specification,
+    HARD_CASES, HardCase, Specification,
     specification::{IntegratorKind, Tint, View},
 };
-use hard_materials::hard_materials;
 use rayon::prelude::*;
 use reference_pixels::reference_pixels;
 use renderer::{
@@ -47,7 +45,7 @@ fn reference_pixels_lie_within_their_bounds_and_the_bounds_within_the_target() {
             }];
             let (_, stage) = scene_and_stage(&specification, 0);
             let reflectance = Reflectance::new(&case.material, case.rotation_deg, case.tint);
-            let (film, _) = stage.render(&reflectance, 0);
+            let (film, ..) = stage.render(&reflectance, 0);
             let pixel = film.pixels[(case.row * film.width + case.column) as usize];
             for (found, expected) in pixel.value.into_iter().zip(case.value) {
                 assert!(
@@ -115,7 +113,7 @@ fn trace(scene: &Scene, reflectance: &Reflectance, film: &Film) -> Vec<[(f64, f6
 /// at to a few hundredths of white (four million paths a pixel do agree with it).
 #[test]
 fn the_hybrid_integrator_agrees_with_the_path_tracer() {
-    const BRUSHED: &str = "brushed mirror, exponents 1e9 and 1";
+    const BRUSHED: &str = "brushed-mirror";
     const T_LIMIT: f64 = 7.4;
     const SIDE: u32 = 12;
     let mut specification = Specification::preset();
@@ -123,10 +121,10 @@ fn the_hybrid_integrator_agrees_with_the_path_tracer() {
     specification.image.height = SIDE;
     for view in [2, 4, 5, 6, 8, 12] {
         let (scene, stage) = scene_and_stage(&specification, view);
-        for (name, material) in hard_materials() {
+        for HardCase { name, material, .. } in HARD_CASES {
             let rotation_deg = specification.views[view].rotation_deg;
             let reflectance = Reflectance::new(&material, rotation_deg, Tint::Hue);
-            let (film, _) = stage.render(&reflectance, 7);
+            let (film, ..) = stage.render(&reflectance, 7);
             let traced = trace(&scene, &reflectance, &film);
             let brightest = traced
                 .iter()
@@ -180,12 +178,12 @@ fn stated_errors_hold_against_a_finer_rendering() {
     for (view, described) in specification.views.iter().enumerate() {
         let (_, stage) = scene_and_stage(&specification, view);
         let (_, finer) = scene_and_stage(&finer, view);
-        let counts: Vec<[u32; 3]> = hard_materials()
+        let counts: Vec<[u32; 3]> = HARD_CASES
             .into_par_iter()
-            .map(|(name, material)| {
+            .map(|HardCase { name, material, .. }| {
                 let reflectance = Reflectance::new(&material, described.rotation_deg, Tint::Hue);
-                let (film, _) = stage.render(&reflectance, 1);
-                let (reference, _) = finer.render(&reflectance, 2);
+                let (film, ..) = stage.render(&reflectance, 1);
+                let (reference, ..) = finer.render(&reflectance, 2);
                 let mut counts = [0; 3];
                 for (pixel, reference) in film.pixels.iter().zip(&reference.pixels) {
                     let mut off = 0.0f64;
@@ -234,7 +232,7 @@ fn a_view_that_cannot_be_worked_out_is_traced() {
         let mut specification = specification.clone();
         specification.integrator.kind = kind;
         Renderer::new(&specification, BackendChoice::Native)
-            .and_then(|renderer| renderer.render(&hard_materials()[0].1, None, 0))
+            .and_then(|renderer| renderer.render(&HARD_CASES[0].material, None, 0))
             .expect("an image")
     };
     let (hybrid, path) = (render(IntegratorKind::Hybrid), render(IntegratorKind::Path));

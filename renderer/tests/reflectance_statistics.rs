@@ -1,10 +1,7 @@
 //! Statistical tests of the reflectance model: its sampling against its density, its energy.
 //! Seeds are fixed; each test states the chance that a right program would fail it.
 
-mod hard_materials;
-
-use dataset::{Material, specification::Tint};
-use hard_materials::hard_materials;
+use dataset::{HARD_CASES, HardCase, Material, specification::Tint};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -93,7 +90,7 @@ fn sampled_directions_follow_the_density() {
     const POINTS_PER_CELL: usize = 48;
     const SAMPLES: u32 = 100_000;
     let mut rng = ChaCha8Rng::seed_from_u64(20_260);
-    for (name, material) in hard_materials() {
+    for HardCase { name, material, .. } in HARD_CASES {
         let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
         let chart = SlopeChart::new(&reflectance, material.angle_deg);
         for (elevation, azimuth) in [(90.0, 0.0), (45.0, 20.0), (15.0, 140.0), (2.0, 250.0)] {
@@ -167,7 +164,7 @@ const TOTAL: f64 = 1e300;
 
 #[test]
 fn a_white_furnace_returns_no_more_than_it_gives() {
-    for (name, material) in hard_materials() {
+    for HardCase { name, material, .. } in HARD_CASES {
         for tint in [Tint::Hue, Tint::Product] {
             let material = Material {
                 ior: TOTAL,
@@ -205,7 +202,7 @@ fn a_smooth_white_material_returns_all_but_a_thousandth() {
 /// hemisphere by the midpoint rule in the lobe's own chart.
 #[test]
 fn the_albedo_of_sampling_is_the_integral_of_the_model() {
-    for (name, material) in hard_materials() {
+    for HardCase { name, material, .. } in HARD_CASES {
         let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
         let chart = SlopeChart::new(&reflectance, material.angle_deg);
         let wo = viewer(50.0, 75.0);

@@ -23,6 +23,7 @@ mod tiling;
 use crate::film::{Film, FilmPixel};
 use crate::reflectance::Reflectance;
 use crate::scene::{PinholeCamera, Scene};
+use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
 use bulb::BulbView;
 use chart::{LIGHT_NODES, LitChart, Panel};
@@ -123,9 +124,9 @@ impl Stage {
         })
     }
 
-    /// Renders the view, and counts evaluations of the reflectance. `key` names the image, for what
-    /// is sampled.
-    pub fn render(&self, reflectance: &Reflectance, key: u64) -> (Film, u64) {
+    /// Renders the view, counts evaluations of the reflectance, and times the stages. `key` names
+    /// the image, for what is sampled.
+    pub fn render(&self, reflectance: &Reflectance, key: u64) -> (Film, u64, Vec<StageTime>) {
         let [width, height] = self.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
         let mut canvas = Canvas {
@@ -134,19 +135,28 @@ impl Stage {
             pixels: &mut pixels,
         };
         let mut evaluations = 0;
-        self.add_bulb(&mut canvas, reflectance, &mut evaluations);
+        let mut stages = Vec::new();
+        timed(&mut stages, "bulb", || {
+            self.add_bulb(&mut canvas, reflectance, &mut evaluations);
+        });
         if let Some(panel) = &self.panel {
-            let exchange = Exchange::new(self, panel, reflectance, &mut evaluations);
-            self.add_chart(&mut canvas, panel, &exchange);
+            let exchange = timed(&mut stages, "exchange", || {
+                Exchange::new(self, panel, reflectance, &mut evaluations)
+            });
+            timed(&mut stages, "chart", || {
+                self.add_chart(&mut canvas, panel, &exchange);
+            });
             if self.bounces_max > 1 {
-                self.add_reflected_chart(
-                    &mut canvas,
-                    panel,
-                    &exchange,
-                    reflectance,
-                    key,
-                    &mut evaluations,
-                );
+                timed(&mut stages, "reflected chart", || {
+                    self.add_reflected_chart(
+                        &mut canvas,
+                        panel,
+                        &exchange,
+                        reflectance,
+                        key,
+                        &mut evaluations,
+                    );
+                });
             }
         }
         let rule_error = RULE_ERROR * libm::pow(10.0, -2.0 * (self.density - 1.5));
@@ -161,7 +171,7 @@ impl Stage {
             height,
             pixels,
         };
-        (film, evaluations)
+        (film, evaluations, stages)
     }
 
     /// The bulb's light off the sample.

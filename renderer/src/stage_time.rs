@@ -1,0 +1,28 @@
+//! Where the time of a view goes.
+
+use std::time::Instant;
+
+/// What a stage of a view took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StageTime {
+    /// The stage: `trace` of the path tracer; `bulb`, `exchange`, `chart` and `reflected chart` of
+    /// the hybrid integrator; `encode` of both.
+    pub name: &'static str,
+    /// Wall-clock seconds.
+    pub seconds: f64,
+}
+
+/// Does `work` and notes what it took.
+pub(crate) fn timed<T>(
+    stages: &mut Vec<StageTime>,
+    name: &'static str,
+    work: impl FnOnce() -> T,
+) -> T {
+    let start = Instant::now();
+    let done = work();
+    stages.push(StageTime {
+        name,
+        seconds: start.elapsed().as_secs_f64(),
+    });
+    done
+}
