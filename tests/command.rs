@@ -415,6 +415,7 @@ fn every_subcommand_explains_itself() {
         "dataset specification",
         "render",
         "brdf",
+        "report",
         "completions",
     ] {
         let mut arguments: Vec<_> = command.split_whitespace().collect();

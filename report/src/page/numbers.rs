@@ -1,0 +1,93 @@
+//! Numbers as tables print them.
+
+/// Three significant digits of seconds, with the unit that fits.
+pub fn seconds(value: f64) -> String {
+    if value.is_infinite() {
+        return NOT_REACHED.to_owned();
+    }
+    let (scaled, unit) = if value >= 0.999_5 {
+        (value, "s")
+    } else if value >= 0.999_5e-3 {
+        (1e3 * value, "ms")
+    } else {
+        (1e6 * value, "µs")
+    };
+    format!("{} {unit}", significant(scaled, 3))
+}
+
+/// What stands for an infinite number.
+pub const NOT_REACHED: &str = "not reached";
+
+/// A number in plain notation, rounded to `digits` significant ones, whole from there on.
+pub fn significant(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let decade = libm::log10(value.abs()).floor() as i32;
+    let places = (digits - 1 - decade).max(0) as usize;
+    let text = format!("{value:.places$}");
+    group(&text)
+}
+
+/// Commas between groups of three digits of the whole part.
+pub fn group(text: &str) -> String {
+    let (whole, rest) = text
+        .split_once('.')
+        .map_or((text, None), |(whole, rest)| (whole, Some(rest)));
+    let mut grouped = String::new();
+    for (place, digit) in whole.chars().enumerate() {
+        let left = whole.len() - place;
+        if place > 0 && left % 3 == 0 && digit.is_ascii_digit() && !grouped.ends_with('-') {
+            grouped.push(',');
+        }
+        grouped.push(digit);
+    }
+    if let Some(rest) = rest {
+        grouped.push('.');
+        grouped.push_str(rest);
+    }
+    grouped
+}
+
+/// Two digits and a power of ten.
+pub fn scientific(value: f64) -> String {
+    if value == 0.0 {
+        return "0".to_owned();
+    }
+    format!("{value:.1e}").replace("e-", "e−")
+}
+
+/// A share in percent, never rounded up to all.
+pub fn percent(share: f64) -> String {
+    let floored = (1e4 * share).floor() / 100.0;
+    format!("{floored:.2} %")
+}
+
+/// How many times.
+pub fn times(factor: f64) -> String {
+    if factor.is_infinite() {
+        return "beyond the ladder".to_owned();
+    }
+    format!("{} ×", significant(factor, 2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        let all = [1.234_56e-5, 0.001_234, 0.999_9, 12.345, 1234.5].map(seconds);
+        assert_eq!(all, ["12.3 µs", "1.23 ms", "1.00 s", "12.3 s", "1,234 s"]);
+        assert_eq!(seconds(f64::INFINITY), NOT_REACHED);
+        assert_eq!(significant(0.0, 2), "0");
+        assert_eq!(group("-1234567.5"), "-1,234,567.5");
+        assert_eq!(group("-123456"), "-123,456");
+        assert_eq!(group("123"), "123");
+        assert_eq!(scientific(1.26e-4), "1.3e−4");
+        assert_eq!(percent(0.999_999), "99.99 %");
+        assert_eq!(percent(1.0), "100.00 %");
+        assert_eq!(times(1234.0), "1,234 ×");
+        assert_eq!(times(3.21), "3.2 ×");
+    }
+}
