@@ -107,44 +107,64 @@ pub fn seconds_to(ladder: &[&Measurement], error: f64) -> f64 {
 /// What it takes to come to a mean relative error.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Race {
-    /// The error.
-    pub error: f64,
     /// Median processor seconds of each integrator; infinite where most cells do not get there.
     pub median_seconds: [f64; 2],
     /// How many cells get there.
     pub reached: [usize; 2],
     /// How many times longer the path tracer takes: least, median and largest over the cells that
-    /// the hybrid integrator brings there. Infinite where the path tracer does not get there.
-    pub factor: Option<[f64; 3]>,
+    /// the hybrid integrator brings there.
+    pub factors: Option<[Factor; 3]>,
+}
+
+/// A ratio of times.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Factor {
+    /// How many times longer.
+    pub times: f64,
+    /// Whether it is at least that: somewhere the path tracer does not get there, and the time of
+    /// its last rung stands for what it would take.
+    pub at_least: bool,
 }
 
 /// Compares the integrators' ladders, which have the same cells, at an error.
 pub fn race(hybrid: &[Vec<&Measurement>], path: &[Vec<&Measurement>], error: f64) -> Race {
-    let seconds = |ladders: &[Vec<&Measurement>]| -> Vec<f64> {
+    let seconds = [hybrid, path].map(|ladders| -> Vec<f64> {
         let each = ladders.iter().map(|ladder| seconds_to(ladder, error));
         each.collect()
-    };
-    let both = [seconds(hybrid), seconds(path)];
-    let factors = sorted(
-        both[0]
-            .iter()
-            .zip(&both[1])
-            .filter(|(hybrid, _)| hybrid.is_finite())
-            .map(|(hybrid, path)| path / hybrid),
-    );
-    let factor = |share| quantile(&factors, share);
+    });
+    let mut factors: Vec<Factor> = seconds[0]
+        .iter()
+        .zip(path.iter().zip(&seconds[1]))
+        .filter(|(hybrid, _)| hybrid.is_finite())
+        .map(|(hybrid, (ladder, path))| {
+            let spent = ladder
+                .iter()
+                .map(|one| cpu_seconds(one))
+                .fold(0.0, f64::max);
+            Factor {
+                times: path.min(spent) / hybrid,
+                at_least: path.is_infinite(),
+            }
+        })
+        .collect();
+    factors.sort_by(|a, b| a.times.total_cmp(&b.times));
+    let times: Vec<f64> = factors.iter().map(|factor| factor.times).collect();
+    // A quantile of lower bounds is a lower bound of the quantile.
+    let at_least = factors.iter().any(|factor| factor.at_least);
+    let quantile_of = |share| quantile(&times, share).map(|times| Factor { times, at_least });
     Race {
-        error,
-        median_seconds: both
+        median_seconds: seconds
             .each_ref()
             .map(|all| quantile(&sorted(all.iter().copied()), 0.5).unwrap_or(f64::INFINITY)),
-        reached: both
+        reached: seconds
             .each_ref()
             .map(|all| all.iter().filter(|one| one.is_finite()).count()),
-        factor: factor(0.0)
-            .zip(factor(0.5))
-            .zip(factor(1.0))
-            .map(|((least, median), most)| [least, median, most]),
+        factors: factors
+            .first()
+            .copied()
+            .zip(quantile_of(0.5))
+            .zip(quantile_of(1.0))
+            .map(|((least, median), largest)| [least, median, largest]),
     }
 }
 
@@ -312,9 +332,12 @@ pub mod tests {
         let race = race(&hybrid, &path, 1e-3);
         assert_eq!(race.reached, [2, 1]);
         assert_eq!(race.median_seconds[0], 1.5);
-        let [least, median, most] = race.factor.unwrap();
-        assert_eq!(least, 10.0);
-        assert!(median.is_infinite() && most.is_infinite());
+        // The second cell's path tracer spends 10 s and does not get there.
+        let [least, median, largest] = race.factors.unwrap();
+        let factor = |times, at_least| Factor { times, at_least };
+        assert_eq!(least, factor(5.0, true));
+        assert_eq!(median, factor(7.5, true));
+        assert_eq!(largest, factor(10.0, true));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What was done, on what, and what the words mean.
 
-use super::numbers::{group, scientific, significant};
+use super::numbers::{exact, group, significant};
 use crate::Report;
 use crate::comparison::{RELATIVE_FLOOR, RELATIVE_MSE_FLOOR, SMAPE_FLOOR};
 use crate::findings::SPREAD_SHARE;
@@ -36,14 +36,14 @@ pub fn method(report: &Report) -> Markup {
         }
         p {
             "The reference of a view is the hybrid integrator at a relative accuracy of "
-            (scientific(plan.reference_relative)) ", from a seed of its own. So a fault that both \
+            (exact(plan.reference_relative)) ", from a seed of its own. So a fault that both \
             renderings of the hybrid integrator share would not show in its own error; it would \
             show as a floor under the error of the path tracer, which knows nothing of it."
         }
         p {
             "Times in plots and tables are processor seconds unless they say otherwise. Spreads \
             reach from the " (100.0 * SPREAD_SHARE) "th to the " (100.0 * (1.0 - SPREAD_SHARE))
-            "th percentile. Views in which nothing but darkness is to be seen, as the mirror's with \
+            "th percentile. Views in which nothing but darkness is to be seen, as the mirror’s with \
             the light overhead, are right at any setting; medians leave them out."
         }
         dl.terms {
@@ -92,7 +92,6 @@ fn materials(report: &Report) -> Markup {
     html! {
         div.wide {
             table {
-                caption { "The materials. Colours are linear Rec.709." }
                 thead {
                     tr {
                         th.name { "Material" } th.name { "What makes it hard" }
@@ -116,6 +115,7 @@ fn materials(report: &Report) -> Markup {
                     }
                 }
             }
+            p.note { "The materials. Colours are linear Rec.709." }
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Numbers as tables print them.
 
+use crate::findings::Factor;
+
 /// Three significant digits of seconds, with the unit that fits.
 pub fn seconds(value: f64) -> String {
     if value.is_infinite() {
@@ -23,10 +25,12 @@ pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    let decade = libm::log10(value.abs()).floor() as i32;
+    // Rounded first: 9.96 has another decade than 10.0.
+    let after_point = digits.max(1) as usize - 1;
+    let rounded = format!("{value:.after_point$e}").parse().unwrap_or(value);
+    let decade = libm::log10(rounded.abs()).floor() as i32;
     let places = (digits - 1 - decade).max(0) as usize;
-    let text = format!("{value:.places$}");
-    group(&text)
+    group(&format!("{value:.places$}"))
 }
 
 /// Commas between groups of three digits of the whole part.
@@ -54,7 +58,7 @@ pub fn scientific(value: f64) -> String {
     if value == 0.0 {
         return "0".to_owned();
     }
-    format!("{value:.1e}").replace("e-", "e−")
+    format!("{value:.1e}").replace('-', "−")
 }
 
 /// A share in percent, never rounded up to all.
@@ -63,12 +67,15 @@ pub fn percent(share: f64) -> String {
     format!("{floored:.2} %")
 }
 
-/// How many times.
-pub fn times(factor: f64) -> String {
-    if factor.is_infinite() {
-        return "beyond the ladder".to_owned();
-    }
-    format!("{} ×", significant(factor, 2))
+/// How many times, or at least how many.
+pub fn times(factor: Factor) -> String {
+    let sign = if factor.at_least { "≥ " } else { "" };
+    format!("{sign}{} ×", significant(factor.times, 2))
+}
+
+/// A round number with a power of ten.
+pub fn exact(value: f64) -> String {
+    format!("{value:e}").replace('-', "−")
 }
 
 #[cfg(test)]
@@ -87,7 +94,9 @@ mod tests {
         assert_eq!(scientific(1.26e-4), "1.3e−4");
         assert_eq!(percent(0.999_999), "99.99 %");
         assert_eq!(percent(1.0), "100.00 %");
-        assert_eq!(times(1234.0), "1,234 ×");
-        assert_eq!(times(3.21), "3.2 ×");
+        let factor = |times, at_least| Factor { times, at_least };
+        assert_eq!(times(factor(1234.0, true)), "≥ 1,234 ×");
+        assert_eq!(times(factor(3.21, false)), "3.2 ×");
+        assert_eq!(exact(1e-3), "1e−3");
     }
 }

@@ -1,6 +1,6 @@
 //! The tables of results.
 
-use super::numbers::{NOT_REACHED, group, percent, scientific, seconds, significant, times};
+use super::numbers::{NOT_REACHED, exact, group, percent, scientific, seconds, significant, times};
 use crate::Report;
 use crate::backends::{MATERIAL, VIEW};
 use crate::findings::{
@@ -26,17 +26,11 @@ pub fn summary(report: &Report) -> Markup {
     let cells = hybrid.len();
     html! {
         table {
-            caption {
-                "Median processor time of a view until its mean relative error is reached, between \
-                the settings that were rendered; how many of " (cells) " views of materials get \
-                there; and how many times longer the path tracer takes, over those that the hybrid \
-                integrator brings there."
-            }
             thead {
                 tr {
                     th.name rowspan="2" { "Mean relative" br; "error" }
-                    th colspan="2" { "Hybrid" } th colspan="2" { "Path tracer" }
-                    th colspan="3" { "Path tracer / hybrid" }
+                    th.over-group colspan="2" { "Hybrid" } th.over-group colspan="2" { "Path tracer" }
+                    th.over-group colspan="3" { "Path tracer / hybrid" }
                 }
                 tr {
                     th { "time" } th { "views" } th { "time" } th { "views" }
@@ -47,12 +41,12 @@ pub fn summary(report: &Report) -> Markup {
                 @for error in RACES {
                     @let race = race(&hybrid, &path, error);
                     tr {
-                        td.name { (scientific(error)) }
+                        td.name { (exact(error)) }
                         @for place in 0..2 {
                             td { (seconds(race.median_seconds[place])) }
                             td { (race.reached[place]) }
                         }
-                        @match race.factor {
+                        @match race.factors {
                             Some([least, median, largest]) => {
                                 td { (times(least)) }
                                 td.lead { (times(median)) }
@@ -63,6 +57,12 @@ pub fn summary(report: &Report) -> Markup {
                     }
                 }
             }
+        }
+        p.note {
+            "Median processor time of a view until its mean relative error is reached, between \
+            the settings that were rendered; how many of " (cells) " views of materials get \
+            there; and how many times longer the path tracer takes, over those that the hybrid \
+            integrator brings there."
         }
     }
 }
@@ -92,11 +92,6 @@ pub fn ladder(report: &Report) -> Markup {
     html! {
         div.wide {
             table {
-                caption {
-                    "Medians over materials and views, with the 10th to 90th percentile in \
-                    brackets. Spent: evaluations of the reflectance (hybrid), paths from the camera \
-                    (path)."
-                }
                 thead {
                     tr {
                         th.name { "Setting" } th { "Time" } th {}
@@ -108,6 +103,11 @@ pub fn ladder(report: &Report) -> Markup {
                 tbody {
                     @for &setting in &report.plan.settings { @if let Some(row) = row(setting) { (row) } }
                 }
+            }
+            p.note {
+                "Medians over materials and views, with the 10th to 90th percentile in \
+                brackets. Spent: evaluations of the reflectance (hybrid), paths from the camera \
+                (path)."
             }
         }
     }
@@ -128,7 +128,7 @@ fn range(spread: &Spread, format: fn(f64) -> String) -> String {
 fn setting_name(setting: Setting) -> String {
     let name = integrator_name(setting.integrator());
     match setting {
-        Setting::Accuracy(relative) => format!("{name}, accuracy {}", scientific(relative)),
+        Setting::Accuracy(relative) => format!("{name}, accuracy {}", exact(relative)),
         Setting::Samples(samples) => {
             format!("{name}, {} samples", group(&samples.to_string()))
         }
@@ -160,11 +160,6 @@ pub fn slopes(report: &Report) -> Markup {
     ];
     html! {
         table {
-            caption {
-                "Slopes of the mean relative error on logarithmic axes, fitted by least squares to \
-                the ladder of every material and view: medians, with the 10th to 90th percentile in \
-                brackets. Independent samples have −0.5."
-            }
             thead {
                 tr {
                     th.name { "Integrator" } th.name { "Error against" }
@@ -172,6 +167,11 @@ pub fn slopes(report: &Report) -> Markup {
                 }
             }
             tbody { @for row in rows.into_iter().flatten() { (row) } }
+        }
+        p.note {
+            "Slopes of the mean relative error on logarithmic axes, fitted by least squares to \
+            the ladder of every material and view: medians, with the 10th to 90th percentile in \
+            brackets. Independent samples have −0.5."
         }
     }
 }
@@ -204,15 +204,15 @@ pub fn hard_cases(report: &Report) -> Markup {
     let found: Quantity = |one| one.comparison.p95_relative_error;
     html! {
         p {
-            "The hybrid integrator at a relative accuracy of " (scientific(relative)) ". Errors are \
+            "The hybrid integrator at a relative accuracy of " (exact(relative)) ". Errors are \
             95th percentiles over the pixels of a view, in units of the target: a number above 1, \
             marked, misses it. A dash stands for a view in which nothing but darkness is to be seen."
         }
-        (matrix(report, setting, "Processor time, in milliseconds.",
+        (matrix(report, setting, "Processor time, in milliseconds",
             |one| (significant(milliseconds(one), 2), false)))
-        (matrix(report, setting, "Stated error, in units of the target.",
+        (matrix(report, setting, "Stated error, in units of the target",
             |one| in_targets(stated(one))))
-        (matrix(report, setting, "True error, in units of the target.",
+        (matrix(report, setting, "True error, in units of the target",
             |one| in_targets(found(one))))
     }
 }
@@ -221,7 +221,7 @@ pub fn hard_cases(report: &Report) -> Markup {
 fn matrix(
     report: &Report,
     setting: Setting,
-    caption: &str,
+    title: &str,
     cell: impl Fn(&Measurement) -> (String, bool),
 ) -> Markup {
     let find = |material: usize, view: u32| {
@@ -237,9 +237,9 @@ fn matrix(
         .enumerate()
         .filter(|(_, material)| material.is_hard());
     html! {
+        h3 { (title) }
         div.wide {
             table.matrix {
-                caption { (caption) }
                 thead {
                     tr {
                         th.name { "View" }
@@ -275,12 +275,6 @@ pub fn calibration(report: &Report) -> Markup {
     });
     html! {
         table {
-            caption {
-                "Over all pixels of all materials and views. The target of the hybrid integrator is \
-                its setting, that of the path tracer the preset’s. Coarse references: views whose \
-                reference states an error of more than a third of what the rendering states; there \
-                the test is weak."
-            }
             thead {
                 tr {
                     th.name { "Setting" } th { "Pixels" } th { "Within the" br; "stated error" }
@@ -301,6 +295,12 @@ pub fn calibration(report: &Report) -> Markup {
                 }
             }
         }
+        p.note {
+            "Over all pixels of all materials and views. The target of the hybrid integrator is \
+            its setting, that of the path tracer the preset’s. Coarse references: views whose \
+            reference states an error of more than a third of what the rendering states; there \
+            the test is weak."
+        }
     }
 }
 
@@ -312,12 +312,10 @@ pub fn stages(report: &Report) -> Markup {
         let bars = findings::stages(&report.measurements, setting, &report.plan.views);
         let names = findings::stage_names(&bars);
         Some(html! {
+            h3 { (setting_name(setting)) }
+            p.note { "Mean over materials, in milliseconds by the clock on the wall, one thread." }
             div.wide {
                 table {
-                    caption {
-                        (setting_name(setting)) ": mean over materials, in milliseconds by the \
-                        clock on the wall, one thread."
-                    }
                     thead {
                         tr {
                             th.name { "View" } @for name in &names { th { (name) } } th { "sum" }
@@ -383,7 +381,7 @@ pub fn backends(report: &Report) -> Markup {
                     tr {
                         td.name { (contender.name()) }
                         td.name { (match contender.setting {
-                            Setting::Accuracy(relative) => format!("accuracy {}", scientific(relative)),
+                            Setting::Accuracy(relative) => format!("accuracy {}", exact(relative)),
                             Setting::Samples(samples) => format!("{samples} samples"),
                         }) }
                         @match &outcome.result {

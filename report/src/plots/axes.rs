@@ -20,8 +20,14 @@ type Canvas<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// Why a mark could not be drawn.
 pub type DrawError = DrawingAreaErrorKind<std::io::Error>;
 
-/// Text, in pixels.
-const TEXT_PIXELS: u32 = 14;
+/// Text, in the library's pixels: it writes four fifths of them.
+const TEXT_PIXELS: u32 = 17;
+
+/// Height of the legend.
+const LEGEND_PIXELS: u32 = 34;
+
+/// Decades of an axis beyond which the lines between them would be a grey wash.
+const LIGHT_DECADES_MAX: i32 = 7;
 
 const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
 const GRID: RGBColor = RGBColor(0xd4, 0xd4, 0xd4);
@@ -41,23 +47,24 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A logarithmic axis that holds the positive ones of `values`, in whole decades.
+    /// A logarithmic axis that holds those of `values` that are not below `floor`, in whole
+    /// decades.
     pub fn logarithmic(
         label: &str,
+        floor: f64,
         values: impl IntoIterator<Item = f64>,
         format: fn(i32) -> String,
     ) -> Self {
-        const DECADES_MAX: f64 = 12.0;
         let logs = values
             .into_iter()
-            .filter(|value| *value > 0.0 && value.is_finite())
+            .filter(|value| *value >= floor && value.is_finite())
             .map(libm::log10);
         let [least, most] = logs.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], log| {
             [low.min(log), high.max(log)]
         });
         let [low, high] = if least <= most {
             let high = most.ceil().max(least.floor() + 1.0);
-            [least.floor().max(high - DECADES_MAX), high]
+            [least.floor(), high]
         } else {
             [0.0, 1.0]
         };
@@ -66,7 +73,12 @@ impl Axis {
 
     /// A logarithmic axis over these decades.
     pub fn decades(label: &str, [low, high]: [i32; 2], format: fn(i32) -> String) -> Self {
-        let light = (low..high)
+        let decades = if high - low <= LIGHT_DECADES_MAX {
+            low..high
+        } else {
+            0..0
+        };
+        let light = decades
             .flat_map(|decade| {
                 (2..10).map(move |step| f64::from(decade) + libm::log10(f64::from(step)))
             })
@@ -206,16 +218,6 @@ pub fn seconds(decade: i32) -> String {
     }
 }
 
-/// Where a legend stands.
-#[derive(Clone, Copy)]
-pub enum Corner {
-    UpperRight,
-    UpperLeft,
-    LowerRight,
-    /// In one line above the plot.
-    Above,
-}
-
 /// A legend's entry.
 pub struct Entry {
     pub text: String,
@@ -240,7 +242,8 @@ pub struct Frame<'a> {
     pub y: &'a Axis,
     /// Pixels that the labels of y take.
     pub y_label_pixels: u32,
-    pub legend: (Corner, Vec<Entry>),
+    /// The legend, in one line above the data.
+    pub legend: Vec<Entry>,
 }
 
 /// Draws a plot, and returns it as SVG.
@@ -266,10 +269,7 @@ fn paint(
     let mut chart = ChartBuilder::on(&root)
         .margin(8)
         .margin_right(22)
-        .margin_top(match frame.legend.0 {
-            Corner::Above => ROW + 16,
-            _ => 12,
-        })
+        .margin_top(LEGEND_PIXELS)
         .x_label_area_size(48)
         .y_label_area_size(frame.y_label_pixels)
         .build_cartesian_2d(frame.x.scale(), frame.y.scale())?;
@@ -287,60 +287,21 @@ fn paint(
         .y_label_formatter(&|place| (frame.y.format)(*place))
         .draw()?;
     marks(&mut chart)?;
-    legend(&root, &chart, frame)?;
+    legend(&root, frame)?;
     root.present()
 }
 
-/// Pixels from a legend's entry to the one below.
-const ROW: i32 = 20;
-
-/// Draws the legend by hand: how wide a text comes out only the reader's machine knows, so boxes
-/// are wide enough for any common face.
-fn legend(root: &Canvas<'_>, chart: &Chart<'_>, frame: &Frame<'_>) -> Result<(), DrawError> {
-    const MARGIN: i32 = 10;
-    let (corner, entries) = &frame.legend;
-    if entries.is_empty() {
-        return Ok(());
-    }
-    let widths = entries.iter().map(entry_width);
-    let (right, low) = match corner {
-        Corner::Above => {
-            let mut left = frame.y_label_pixels as i32;
-            for (one, width) in entries.iter().zip(widths) {
-                entry(root, one, (left, ROW / 2 + 6))?;
-                left += width + MARGIN;
-            }
-            return Ok(());
-        }
-        Corner::UpperRight => (true, false),
-        Corner::UpperLeft => (false, false),
-        Corner::LowerRight => (true, true),
-    };
-    let width = widths.max().unwrap_or(0) + 6;
-    let height = ROW * entries.len() as i32 + 6;
-    let area = chart.plotting_area().strip_coord_spec();
-    let (wide, high) = area.dim_in_pixel();
-    let left = match right {
-        true => wide as i32 - width - MARGIN,
-        false => MARGIN,
-    };
-    let top = match low {
-        true => high as i32 - height - MARGIN,
-        false => MARGIN,
-    };
-    let corners = [(left, top), (left + width, top + height)];
-    area.draw(&Rectangle::new(corners, WHITE.mix(0.9).filled()))?;
-    area.draw(&Rectangle::new(corners, GRID.stroke_width(1)))?;
-    for (one, row) in entries.iter().zip(0..) {
-        entry(&area, one, (left, top + 3 + ROW * row + ROW / 2))?;
+/// Draws the legend above the data, which it can never hide.
+fn legend(root: &Canvas<'_>, frame: &Frame<'_>) -> Result<(), DrawError> {
+    // How wide a text comes out only the reader's machine knows: letters of this size are about 8
+    // pixels wide in any common face.
+    const LETTER_PIXELS: i32 = 8;
+    let mut left = frame.y_label_pixels as i32;
+    for one in &frame.legend {
+        entry(root, one, (left, LEGEND_PIXELS as i32 / 2))?;
+        left += 46 + LETTER_PIXELS * one.text.chars().count() as i32;
     }
     Ok(())
-}
-
-/// Pixels that an entry takes.
-fn entry_width(entry: &Entry) -> i32 {
-    // Letters of this size are about 7.2 pixels wide.
-    34 + entry.text.chars().count() as i32 * 72 / 10
 }
 
 /// Draws an entry whose left end and middle are at (left, y).
@@ -360,7 +321,7 @@ fn entry(area: &Canvas<'_>, entry: &Entry, (left, y): (i32, i32)) -> Result<(), 
     }
     area.draw(&Text::new(
         entry.text.clone(),
-        (left + 32, y - TEXT_PIXELS as i32 / 2),
+        (left + 32, y - TEXT_PIXELS as i32 * 2 / 5),
         ("sans-serif", TEXT_PIXELS).into_font().color(&INK),
     ))
 }
@@ -389,13 +350,16 @@ mod tests {
 
     #[test]
     fn axes_hold_their_values_and_nothing_holds_none() {
-        let axis = Axis::logarithmic("", [3e-4, 0.0, f64::INFINITY, 20.0], power_of_ten);
+        let axis = Axis::logarithmic("", 1e-5, [3e-4, 1e-6, f64::INFINITY, 20.0], power_of_ten);
         assert_eq!(axis.ends(), [-4.0, 2.0]);
         assert_eq!(axis.log(0.0), -4.0);
         assert_eq!(axis.log(1e9), 2.0);
-        let axis = Axis::logarithmic("", [1.0], power_of_ten);
+        let axis = Axis::logarithmic("", 1e-5, [1.0], power_of_ten);
         assert_eq!(axis.ends(), [0.0, 1.0]);
-        assert_eq!(Axis::logarithmic("", [], power_of_ten).ends(), [0.0, 1.0]);
+        assert_eq!(
+            Axis::logarithmic("", 1e-5, [], power_of_ten).ends(),
+            [0.0, 1.0]
+        );
         assert_eq!(Axis::linear("", 0.37, |_| String::new()).bold.len(), 5);
         assert_eq!(Axis::linear("", 0.0, |_| String::new()).ends()[0], 0.0);
     }

@@ -1,6 +1,6 @@
 //! True error over stated error: how many pixels lie within so many times their bounds.
 
-use super::axes::{Axis, Corner, Entry, Frame, Mark, draw as frame, power_of_ten};
+use super::axes::{Axis, Entry, Frame, Mark, draw as frame, power_of_ten};
 use super::{Plot, shade};
 use crate::findings;
 use crate::plan::Setting;
@@ -8,7 +8,7 @@ use crate::{Report, ReportError};
 use dataset::specification::IntegratorKind;
 use plotters::prelude::*;
 
-const SIZE: (u32, u32) = (600, 460);
+const SIZE: (u32, u32) = (500, 420);
 
 /// The decades of the ratio that are shown.
 const DECADES: [i32; 2] = [-5, 2];
@@ -19,12 +19,13 @@ pub fn draw(report: &Report) -> Result<Vec<Plot>, ReportError> {
         (
             IntegratorKind::Hybrid,
             "calibration-hybrid.svg",
-            "Hybrid: share of pixels whose true error is at most so many times the stated one.",
+            "Hybrid, by relative accuracy: share of pixels whose true error is at most so many times \
+             the stated one.",
         ),
         (
             IntegratorKind::Path,
             "calibration-path.svg",
-            "Path tracer: the same. It states a 95 percent interval from eight replicates.",
+            "Path tracer, by samples a pixel: the same. It states a 95 percent interval from eight replicates.",
         ),
     ] {
         let settings = findings::settings(&report.plan.settings, kind);
@@ -70,7 +71,7 @@ fn plot(
                         power_of_ten(libm::log10(*relative).round() as i32)
                     )
                 }
-                Setting::Samples(samples) => format!("{samples} samples"),
+                Setting::Samples(samples) => samples.to_string(),
             },
             colour: shade(kind, place, curves.len()),
             mark: Mark::Line,
@@ -81,13 +82,7 @@ fn plot(
         x: &x,
         y: &y,
         y_label_pixels: 70,
-        legend: (
-            match kind {
-                IntegratorKind::Hybrid => Corner::LowerRight,
-                IntegratorKind::Path => Corner::UpperLeft,
-            },
-            entries.collect(),
-        ),
+        legend: entries.collect(),
     };
     frame(&frame_of, |chart| {
         let area = chart.plotting_area();

@@ -1,9 +1,7 @@
 //! Error against what was asked for: samples a pixel, or accuracy.
 
-use super::axes::{
-    Axis, Chart, Corner, DrawError, Entry, Frame, Mark, draw as frame, power_of_ten,
-};
-use super::time_error::{draw_mark, mark};
+use super::axes::{Axis, Chart, DrawError, Entry, Frame, Mark, draw as frame, power_of_ten};
+use super::time_error::{ERROR_FLOOR, draw_mark, mark};
 use super::{Plot, colour};
 use crate::findings::{self, mean_error};
 use crate::plan::{Setting, integrator_name};
@@ -13,7 +11,10 @@ use dataset::specification::IntegratorKind;
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 
-const SIZE: (u32, u32) = (600, 460);
+const SIZE: (u32, u32) = (500, 420);
+/// Below every setting.
+const SETTING_FLOOR: f64 = 1e-12;
+
 const GREY: RGBColor = RGBColor(0x77, 0x77, 0x77);
 
 pub fn draw(report: &Report) -> Result<Vec<Plot>, ReportError> {
@@ -34,24 +35,23 @@ pub fn draw(report: &Report) -> Result<Vec<Plot>, ReportError> {
 }
 
 fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, ReportError> {
-    let (file, label, caption, corner) = match kind {
+    let (file, label, caption) = match kind {
         IntegratorKind::Hybrid => (
             "convergence-hybrid.svg",
             "relative accuracy asked for",
             "What the hybrid integrator reaches against what it is asked for. On the dashed line \
              the mean error would be all that was allowed.",
-            Corner::UpperLeft,
         ),
         IntegratorKind::Path => (
             "convergence-path.svg",
             "samples a pixel",
             "How the path tracer converges. The dashed line falls with the square root of the \
              samples, through the first median.",
-            Corner::UpperRight,
         ),
     };
     let x = Axis::logarithmic(
         label,
+        SETTING_FLOOR,
         rungs.iter().map(|(rung, _)| rung.value()),
         |decade| match decade {
             0..=5 => ["1", "10", "100", "1,000", "10,000", "100,000"][decade as usize].to_owned(),
@@ -63,7 +63,12 @@ fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, Repor
         .iter()
         .flat_map(|(_, spread)| [spread.low, spread.high])
         .chain(expected.iter().map(|[_, error]| *error));
-    let y = Axis::logarithmic("mean relative error of a view", values, power_of_ten);
+    let y = Axis::logarithmic(
+        "mean relative error of a view",
+        ERROR_FLOOR,
+        values,
+        power_of_ten,
+    );
     let medians: Vec<(f64, f64)> = rungs
         .iter()
         .map(|(rung, spread)| (x.log(rung.value()), y.log(spread.median)))
@@ -78,7 +83,7 @@ fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, Repor
     let name = integrator_name(kind);
     let mut entries = vec![Entry {
         text: match fitted {
-            Some(slope) => format!("{name}, slope {slope:.2}"),
+            Some(slope) => format!("{name}, slope {slope:.2}").replace('-', "−"),
             None => name.to_owned(),
         },
         colour: colour(kind),
@@ -98,7 +103,7 @@ fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, Repor
         x: &x,
         y: &y,
         y_label_pixels: 70,
-        legend: (corner, entries),
+        legend: entries,
     };
     let svg = frame(&frame_of, |chart| {
         let line = expected.map(|[setting, error]| (x.log(setting), y.log(error)));

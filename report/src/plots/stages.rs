@@ -1,14 +1,14 @@
 //! Where the time of a view goes.
 
 use super::Plot;
-use super::axes::{Axis, Corner, Entry, Frame, Mark, draw as frame};
+use super::axes::{Axis, Entry, Frame, Mark, draw as frame};
 use crate::findings;
 use crate::{Report, ReportError};
 use dataset::{Specification, specification::IntegratorKind};
 use plotters::prelude::*;
 use plotters::style::RGBColor;
 
-const WIDTH: u32 = 980;
+const WIDTH: u32 = 1016;
 
 /// Of five stages at most; told apart by lightness as well as by hue.
 const COLOURS: [RGBColor; 5] = [
@@ -64,8 +64,8 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
         size: (WIDTH, 90 + 26 * bars.len().max(4) as u32),
         x: &x,
         y: &y,
-        y_label_pixels: 140,
-        legend: (Corner::Above, entries.collect()),
+        y_label_pixels: 160,
+        legend: entries.collect(),
     };
     let svg = frame(&frame_of, |chart| {
         for (place, (_, parts)) in bars.iter().enumerate() {

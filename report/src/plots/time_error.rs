@@ -1,7 +1,7 @@
 //! Time against error of both integrators.
 
 use super::axes::{
-    Axis, Chart, Corner, DrawError, Entry, Frame, Mark, draw as frame, power_of_ten, seconds,
+    Axis, Chart, DrawError, Entry, Frame, Mark, draw as frame, power_of_ten, seconds,
 };
 use super::{Plot, colour};
 use crate::findings::{self, Quantity, cpu_seconds, mean_error};
@@ -11,14 +11,22 @@ use crate::{Report, ReportError};
 use dataset::{Specification, specification::IntegratorKind};
 use plotters::prelude::*;
 
-const WIDE: (u32, u32) = (980, 560);
-const HALF: (u32, u32) = (600, 460);
+const WIDE: (u32, u32) = (1016, 560);
+const HALF: (u32, u32) = (500, 420);
+
+/// See [`View::floor`].
+pub const ERROR_FLOOR: f64 = 1e-8;
+
+/// Times below are not told apart.
+const SECONDS_FLOOR: f64 = 1e-6;
 
 struct View {
     file: &'static str,
     size: (u32, u32),
     label: &'static str,
     quantity: Quantity,
+    /// Smaller errors are drawn on the lower edge: below, rounding and the reference show.
+    floor: f64,
     /// Whether every rendering is drawn, not just the medians.
     dots: bool,
     /// Views with the chart, without it, or all.
@@ -32,17 +40,19 @@ const VIEWS: [View; 5] = [
         size: WIDE,
         label: "mean relative error of a view",
         quantity: mean_error,
+        floor: ERROR_FLOOR,
         dots: true,
         chart: None,
         caption: "Time against mean relative error. Every dot is a rendering; marks are medians \
                   over materials and views at one setting, bars reach from the 10th to the 90th \
-                  percentile of both axes.",
+                  percentile of both axes. Errors below 1e−8 are drawn on the lower edge.",
     },
     View {
         file: "time-p95-error.svg",
         size: HALF,
         label: "95th percentile of relative error",
         quantity: |one| one.comparison.p95_relative_error,
+        floor: ERROR_FLOOR,
         dots: false,
         chart: None,
         caption: "The same for the 95th percentile over the pixels of a view.",
@@ -52,6 +62,7 @@ const VIEWS: [View; 5] = [
         size: HALF,
         label: "relative MSE",
         quantity: |one| one.comparison.relative_mse,
+        floor: ERROR_FLOOR * ERROR_FLOOR,
         dots: false,
         chart: None,
         caption: "The same for the relative mean squared error.",
@@ -61,6 +72,7 @@ const VIEWS: [View; 5] = [
         size: HALF,
         label: "mean relative error of a view",
         quantity: mean_error,
+        floor: ERROR_FLOOR,
         dots: false,
         chart: Some(true),
         caption: "The views with the chart alone: interreflection is part of the work.",
@@ -70,6 +82,7 @@ const VIEWS: [View; 5] = [
         size: HALF,
         label: "mean relative error of a view",
         quantity: mean_error,
+        floor: ERROR_FLOOR,
         dots: false,
         chart: Some(false),
         caption: "The views without the chart alone: direct light and nothing else.",
@@ -115,11 +128,13 @@ fn plot(report: &Report, view: &View, shown: &[Measurement]) -> Result<String, R
     };
     let x = Axis::logarithmic(
         "processor time of a view, one core",
+        SECONDS_FLOOR,
         spreads(cpu_seconds).chain(dots(cpu_seconds)),
         seconds,
     );
     let y = Axis::logarithmic(
         view.label,
+        view.floor,
         spreads(view.quantity).chain(dots(view.quantity)),
         power_of_ten,
     );
@@ -138,13 +153,13 @@ fn plot(report: &Report, view: &View, shown: &[Measurement]) -> Result<String, R
         x: &x,
         y: &y,
         y_label_pixels: 70,
-        legend: (Corner::UpperRight, entries.collect()),
+        legend: entries.collect(),
     };
     frame(&frame_of, |chart| {
         if view.dots {
             for one in shown {
                 let at = (x.log(cpu_seconds(one)), y.log((view.quantity)(one)));
-                let faint = colour(one.setting.integrator()).mix(0.22);
+                let faint = colour(one.setting.integrator()).mix(0.3);
                 chart
                     .plotting_area()
                     .draw(&Circle::new(at, 2, faint.filled()))?;
