@@ -47,8 +47,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// A logarithmic axis that holds those of `values` that are not below `floor`, in whole
-    /// decades.
+    /// A logarithmic axis that holds `values`, in whole decades; those below `floor` stand at it.
     pub fn logarithmic(
         label: &str,
         floor: f64,
@@ -57,8 +56,8 @@ impl Axis {
     ) -> Self {
         let logs = values
             .into_iter()
-            .filter(|value| *value >= floor && value.is_finite())
-            .map(libm::log10);
+            .filter(|value| value.is_finite())
+            .map(|value| decades_of(value.max(floor)));
         let [least, most] = logs.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], log| {
             [low.min(log), high.max(log)]
         });
@@ -155,6 +154,17 @@ impl Axis {
             bold: self.bold.clone(),
             light: self.light.clone(),
         }
+    }
+}
+
+/// The decimal logarithm, whole for powers of ten, whose rounding must not cost a decade.
+fn decades_of(value: f64) -> f64 {
+    const ROUNDING: f64 = 1e-9;
+    let log = libm::log10(value);
+    if (log - log.round()).abs() < ROUNDING {
+        log.round()
+    } else {
+        log
     }
 }
 
@@ -350,9 +360,9 @@ mod tests {
 
     #[test]
     fn axes_hold_their_values_and_nothing_holds_none() {
-        let axis = Axis::logarithmic("", 1e-5, [3e-4, 1e-6, f64::INFINITY, 20.0], power_of_ten);
-        assert_eq!(axis.ends(), [-4.0, 2.0]);
-        assert_eq!(axis.log(0.0), -4.0);
+        let axis = Axis::logarithmic("", 1e-5, [3e-4, 0.0, f64::INFINITY, 20.0], power_of_ten);
+        assert_eq!(axis.ends(), [-5.0, 2.0]);
+        assert_eq!(axis.log(0.0), -5.0);
         assert_eq!(axis.log(1e9), 2.0);
         let axis = Axis::logarithmic("", 1e-5, [1.0], power_of_ten);
         assert_eq!(axis.ends(), [0.0, 1.0]);

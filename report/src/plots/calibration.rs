@@ -65,12 +65,7 @@ fn plot(
         .enumerate()
         .map(|(place, (setting, _))| Entry {
             text: match setting {
-                Setting::Accuracy(relative) => {
-                    format!(
-                        "accuracy {}",
-                        power_of_ten(libm::log10(*relative).round() as i32)
-                    )
-                }
+                Setting::Accuracy(relative) => power_of_ten(libm::log10(*relative).round() as i32),
                 Setting::Samples(samples) => samples.to_string(),
             },
             colour: shade(kind, place, curves.len()),
