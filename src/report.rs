@@ -10,6 +10,7 @@ use report::Report;
 use report::plan::{NamedMaterial, Plan, Setting};
 use std::fs;
 use std::io::{self, Write};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -19,12 +20,25 @@ const SIZE_PIXELS_MAX: i64 = 512;
 /// The finest reference: a tenth of it is the least absolute accuracy of a specification.
 const REFERENCE_RELATIVE_MIN: f64 = 1e-8;
 
-/// What --quick leaves of the ladders, and the film's side.
-const QUICK_HYBRID: std::ops::RangeInclusive<f64> = 1e-4..=1e-2;
+/// The most materials of a report: they are a table's rows.
+const MATERIALS_MAX: usize = 100;
+
+/// The accuracies that --quick leaves of the ladder.
+const QUICK_ACCURACIES: RangeInclusive<f64> = 1e-4..=1e-2;
+
+/// The most samples a pixel with --quick.
 const QUICK_SAMPLES_MAX: u32 = 256;
+
+/// The film's side with --quick, in pixels.
 const QUICK_SIZE_PIXELS: u32 = 24;
+
+/// The materials of --quick.
 const QUICK_HARD_CASES: [&str; 3] = ["ordinary", "mirror", "half-lambert"];
+
+/// The views of --quick: the two that training uses, and one without chart.
 const QUICK_VIEWS: [u32; 3] = [5, 8, 9];
+
+/// The reference's relative accuracy with --quick.
 const QUICK_REFERENCE_RELATIVE: f64 = 1e-5;
 
 /// Measure speed against error, and write tables, plots and a page
@@ -87,37 +101,31 @@ impl FromStr for MaterialList {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        /// The most materials of a report: they are a table's rows.
-        const MATERIALS_MAX: usize = 100;
         let mut materials: Vec<NamedMaterial> = Vec::new();
-        let mut add = |more: &mut dyn Iterator<Item = NamedMaterial>| {
-            for one in more {
-                if materials.iter().all(|there| there.name != one.name) {
-                    materials.push(one);
-                }
-                if materials.len() > MATERIALS_MAX {
-                    return Err(format!("a report has at most {MATERIALS_MAX} materials"));
-                }
-            }
-            Ok(())
-        };
         for part in text.split(',').map(str::trim) {
-            if part == "hard" {
-                add(&mut NamedMaterial::hard())?;
-            } else if let Some(mut case) = NamedMaterial::hard().find(|case| case.name == part) {
-                case.name = part.to_owned();
-                add(&mut std::iter::once(case))?;
+            let named: Box<dyn Iterator<Item = NamedMaterial>> = if part == "hard" {
+                Box::new(NamedMaterial::hard())
             } else if part.starts_with(|first: char| first.is_ascii_digit()) {
                 let indices = IndexList::from_str(part)?
                     .below(*limits::MATERIALS.end(), "material")
                     .map_err(|error| error.to_string())?;
-                add(&mut indices.into_iter().map(NamedMaterial::of_the_set))?;
+                Box::new(indices.into_iter().map(NamedMaterial::of_the_set))
+            } else if let Some(case) = NamedMaterial::hard().find(|case| case.name == part) {
+                Box::new(std::iter::once(case))
             } else {
                 let names: Vec<_> = NamedMaterial::hard().map(|case| case.name).collect();
                 return Err(format!(
                     "{part:?} is no material: write an index, hard, or one of {}",
                     names.join(", ")
                 ));
+            };
+            for one in named {
+                if materials.iter().all(|there| there.name != one.name) {
+                    materials.push(one);
+                }
+                if materials.len() > MATERIALS_MAX {
+                    return Err(format!("a report has at most {MATERIALS_MAX} materials"));
+                }
             }
         }
         Ok(Self(materials))
@@ -142,7 +150,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         .into());
     }
     let cannot_write = || format!("cannot write to {}", options.out.display());
-    // Before the hour of work, not after it.
+    // Before the work, not after it.
     fs::create_dir_all(&options.out).with_context(cannot_write)?;
     let bar = progress::bar(plan.renderings(), "renderings");
     let report = Report::make(plan, &|| bar.inc(1));
@@ -165,7 +173,7 @@ fn plan(options: &Options) -> Result<Plan, BadInput> {
         plan.views = QUICK_VIEWS.to_vec();
         plan.size_pixels = QUICK_SIZE_PIXELS;
         plan.settings.retain(|setting| match setting {
-            Setting::Accuracy(relative) => QUICK_HYBRID.contains(relative),
+            Setting::Accuracy(relative) => QUICK_ACCURACIES.contains(relative),
             Setting::Samples(samples) => *samples <= QUICK_SAMPLES_MAX,
         });
         plan.reference_relative = QUICK_REFERENCE_RELATIVE;
