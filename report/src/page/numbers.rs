@@ -67,6 +67,17 @@ pub fn percent(share: f64) -> String {
     format!("{floored:.2} %")
 }
 
+/// A number of which two places after the point tell enough.
+pub fn ratio(value: f64) -> String {
+    match value {
+        0.0 => "0".to_owned(),
+        ..0.005 => "<0.01".to_owned(),
+        ..9.995 => format!("{value:.2}"),
+        ..99.95 => format!("{value:.1}"),
+        _ => group(&format!("{value:.0}")),
+    }
+}
+
 /// How many times, or at least how many.
 pub fn times(factor: Factor) -> String {
     let sign = if factor.at_least { "≥ " } else { "" };
@@ -88,6 +99,9 @@ mod tests {
         assert_eq!(all, ["12.3 µs", "1.23 ms", "1.00 s", "12.3 s", "1,234 s"]);
         assert_eq!(seconds(f64::INFINITY), NOT_REACHED);
         assert_eq!(significant(0.0, 2), "0");
+        let ratios = [0.0, 1e-9, 0.005, 1.0, 9.996, 99.96, 1234.0].map(ratio);
+        let expected = ["0", "<0.01", "0.01", "1.00", "10.0", "100", "1,234"];
+        assert_eq!(ratios, expected);
         assert_eq!(group("-1234567.5"), "-1,234,567.5");
         assert_eq!(group("-123456"), "-123,456");
         assert_eq!(group("123"), "123");

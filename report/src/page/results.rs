@@ -1,6 +1,8 @@
 //! The tables of results.
 
-use super::numbers::{NOT_REACHED, exact, group, percent, scientific, seconds, significant, times};
+use super::numbers::{
+    self, NOT_REACHED, exact, group, percent, scientific, seconds, significant, times,
+};
 use crate::Report;
 use crate::backends::{MATERIAL, VIEW};
 use crate::findings::{
@@ -191,14 +193,7 @@ pub fn hard_cases(report: &Report) -> Markup {
     let milliseconds: Quantity = |one| 1e3 * cpu_seconds(one);
     let in_targets = move |error: f64| {
         let targets = error / relative;
-        let text = if targets == 0.0 {
-            "0".to_owned()
-        } else if targets < 0.001 {
-            "<0.001".to_owned()
-        } else {
-            significant(targets, 2)
-        };
-        (text, targets > 1.0)
+        (numbers::ratio(targets), targets > 1.0)
     };
     let stated: Quantity = |one| one.comparison.stated_p95_relative_error;
     let found: Quantity = |one| one.comparison.p95_relative_error;

@@ -25,7 +25,8 @@ pub fn draw(report: &Report) -> Result<Vec<Plot>, ReportError> {
         (
             IntegratorKind::Path,
             "calibration-path.svg",
-            "Path tracer, by samples a pixel: the same. It states a 95 percent interval from eight replicates.",
+            "Path tracer, by samples a pixel: the same. It states a 95 percent interval from eight \
+             replicates, which knows nothing of light that none of its paths has met.",
         ),
     ] {
         let settings = findings::settings(&report.plan.settings, kind);
