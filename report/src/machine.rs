@@ -13,9 +13,8 @@ const UNKNOWN: &str = "unknown";
 pub fn facts() -> Vec<(&'static str, String)> {
     let system = rustix::system::uname();
     let kernel = format!(
-        "{} {} ({})",
+        "{} on {}",
         system.sysname().to_string_lossy(),
-        system.release().to_string_lossy(),
         system.machine().to_string_lossy()
     );
     let os = field("/etc/os-release", '=', "PRETTY_NAME");
@@ -29,7 +28,7 @@ pub fn facts() -> Vec<(&'static str, String)> {
         ("Processor", field("/proc/cpuinfo", ':', "model name")),
         ("Instruction sets", instruction_sets().join(", ")),
         ("Cores", cores.to_string()),
-        ("Memory", field("/proc/meminfo", ':', "MemTotal")),
+        ("Memory", memory(&field("/proc/meminfo", ':', "MemTotal"))),
         ("System", format!("{os}, {kernel}")),
         ("Program", format!("brdfarm {}", env!("CARGO_PKG_VERSION"))),
         ("Renderer", format!("version {RENDERER_VERSION}")),
@@ -52,6 +51,18 @@ fn value(text: &str, separator: char, key: &str) -> Option<String> {
         let (name, value) = line.split_once(separator)?;
         (name.trim() == key).then(|| value.trim().trim_matches('"').to_owned())
     })
+}
+
+/// The kernel's kibibytes, as people write them.
+fn memory(total: &str) -> String {
+    const KIB_A_GIB: f64 = 1_048_576.0;
+    let kib: Option<f64> = total
+        .strip_suffix(" kB")
+        .and_then(|number| number.parse().ok());
+    kib.map_or_else(
+        || total.to_owned(),
+        |kib| format!("{:.1} GiB", kib / KIB_A_GIB),
+    )
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -83,6 +94,8 @@ mod tests {
         assert_eq!(value(text, '=', "PRETTY_NAME").as_deref(), Some("An OS 12"));
         assert_eq!(value(text, ':', "model name").as_deref(), Some("A CPU : B"));
         assert_eq!(value(text, '=', "VERSION"), None);
+        assert_eq!(memory("24664092 kB"), "23.5 GiB");
+        assert_eq!(memory(UNKNOWN), UNKNOWN);
         assert_eq!(field("/nowhere", '=', "x"), UNKNOWN);
     }
 
