@@ -74,7 +74,7 @@ pub struct Options {
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
     /// The folder to write to
-    #[arg(long, default_value = "report", value_name = "DIR")]
+    #[arg(long, default_value = "brdfarm-report", value_name = "DIR")]
     out: PathBuf,
 }
 
