@@ -21,6 +21,8 @@ pub const SMAPE_FLOOR: f64 = 0.01;
 pub struct Comparison {
     /// Pixels compared.
     pub pixels: usize,
+    /// The reference's brightest channel, in units of white.
+    pub reference_brightest: f64,
     /// Mean over pixels and channels of (v - r)^2 / (r^2 + [`RELATIVE_MSE_FLOOR`]).
     pub relative_mse: f64,
     /// Mean over pixels and channels of |v - r| / (|v| + |r| + [`SMAPE_FLOOR`]).
@@ -98,6 +100,11 @@ pub fn compare(film: &Film, reference: &Film, accuracy: &Accuracy) -> Comparison
 
     let mut comparison = Comparison {
         pixels: pairs.len(),
+        reference_brightest: reference
+            .pixels
+            .iter()
+            .flat_map(|pixel| pixel.value)
+            .fold(0.0, f64::max),
         relative_mse: 0.0,
         smape: 0.0,
         mean_difference: 0.0,
@@ -162,6 +169,7 @@ mod tests {
         let reference = film(&[(2.0, 0.0), (0.01, 0.0001), (0.0, 0.0)]);
         let found = compare(&rendered, &reference, &ACCURACY);
         assert_eq!(found.pixels, 2);
+        assert_eq!(found.reference_brightest, 2.0);
         let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} against {b}");
         close(found.mean_relative_error, 0.5 * (0.001 + 0.01));
         close(found.p95_relative_error, 0.001 + 0.95 * 0.009);

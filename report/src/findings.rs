@@ -22,10 +22,13 @@ pub fn mean_error(one: &Measurement) -> f64 {
     one.comparison.mean_relative_error
 }
 
-/// Whether anything is to be seen. A view of a mirror that shows nothing but darkness is right at
-/// once, and says nothing of speed.
+/// The brightness of a view, in units of white, below which nothing is to be seen in it: the
+/// preset's absolute accuracy. Such a view is right at once, and says nothing of speed.
+pub const DARK: f64 = 1e-4;
+
+/// Whether anything is to be seen in the view.
 pub fn is_lit(one: &Measurement) -> bool {
-    one.comparison.pixels > 0
+    one.comparison.reference_brightest > DARK
 }
 
 /// The settings of an integrator, in the order of the plan.
@@ -126,7 +129,8 @@ pub struct Factor {
     pub at_least: bool,
 }
 
-/// Compares the integrators' ladders, which have the same cells, at an error.
+/// Compares the integrators' ladders at an error. Both have the same cells in the same order, since
+/// whether a cell is lit is the reference's to say.
 pub fn race(hybrid: &[Vec<&Measurement>], path: &[Vec<&Measurement>], error: f64) -> Race {
     let seconds = [hybrid, path].map(|ladders| -> Vec<f64> {
         let each = ladders.iter().map(|ladder| seconds_to(ladder, error));
@@ -285,6 +289,7 @@ pub mod tests {
             },
             comparison: Comparison {
                 pixels: 1,
+                reference_brightest: 1.0,
                 relative_mse: 0.0,
                 smape: 0.0,
                 mean_difference: 0.0,

@@ -15,6 +15,7 @@ pub mod backends;
 pub mod comparison;
 mod findings;
 pub mod machine;
+mod numbers;
 mod page;
 pub mod plan;
 mod plots;

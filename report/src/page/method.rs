@@ -1,9 +1,9 @@
 //! What was done, on what, and what the words mean.
 
-use super::numbers::{exact, group, significant};
 use crate::Report;
 use crate::comparison::{RELATIVE_FLOOR, RELATIVE_MSE_FLOOR, SMAPE_FLOOR};
-use crate::findings::SPREAD_SHARE;
+use crate::findings::{DARK, SPREAD_SHARE};
+use crate::numbers::{exact, group, significant};
 use dataset::Specification;
 use maud::{Markup, html};
 
@@ -43,8 +43,8 @@ pub fn method(report: &Report) -> Markup {
         p {
             "Times in plots and tables are processor seconds unless they say otherwise. Spreads \
             reach from the " (100.0 * SPREAD_SHARE) "th to the " (100.0 * (1.0 - SPREAD_SHARE))
-            "th percentile. Views in which nothing but darkness is to be seen, as the mirror’s with \
-            the light overhead, are right at any setting; medians leave them out."
+            "th percentile. Views in which nothing is brighter than " (exact(DARK)) " of white, as the mirror’s with \
+            the light overhead, are right at any setting; all but the tables as CSV leave them out."
         }
         dl.terms {
             dt { "white" }

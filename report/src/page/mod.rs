@@ -1,7 +1,6 @@
 //! The page: one HTML file that needs nothing but itself.
 
 mod method;
-mod numbers;
 mod results;
 
 use crate::Report;

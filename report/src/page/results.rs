@@ -1,12 +1,12 @@
 //! The tables of results.
 
-use super::numbers::{
-    self, NOT_REACHED, exact, group, percent, scientific, seconds, significant, times,
-};
 use crate::Report;
 use crate::backends::{MATERIAL, VIEW};
 use crate::findings::{
-    self, Quantity, SPREAD_SHARE, cpu_seconds, is_lit, ladders, mean_error, race, usual,
+    self, DARK, Quantity, SPREAD_SHARE, cpu_seconds, is_lit, ladders, mean_error, race, usual,
+};
+use crate::numbers::{
+    self, NOT_REACHED, exact, group, percent, scientific, seconds, significant, times,
 };
 use crate::plan::{Setting, integrator_name};
 use crate::statistics::Spread;
@@ -201,7 +201,7 @@ pub fn hard_cases(report: &Report) -> Markup {
         p {
             "The hybrid integrator at a relative accuracy of " (exact(relative)) ". Errors are \
             95th percentiles over the pixels of a view, in units of the target: a number above 1, \
-            marked, misses it. A dash stands for a view in which nothing but darkness is to be seen."
+            marked, misses it. A dash stands for a view in which nothing is brighter than " (exact(DARK)) " of white."
         }
         (matrix(report, setting, "Processor time, in milliseconds",
             |one| (significant(milliseconds(one), 2), false)))

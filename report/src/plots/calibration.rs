@@ -3,6 +3,7 @@
 use super::axes::{Axis, Entry, Frame, Mark, draw as frame, power_of_ten};
 use super::{Plot, shade};
 use crate::findings;
+use crate::numbers::group;
 use crate::plan::Setting;
 use crate::{Report, ReportError};
 use dataset::specification::IntegratorKind;
@@ -67,7 +68,7 @@ fn plot(
         .map(|(place, (setting, _))| Entry {
             text: match setting {
                 Setting::Accuracy(relative) => power_of_ten(libm::log10(*relative).round() as i32),
-                Setting::Samples(samples) => samples.to_string(),
+                Setting::Samples(samples) => group(&samples.to_string()),
             },
             colour: shade(kind, place, curves.len()),
             mark: Mark::Line,

@@ -3,6 +3,7 @@
 use super::Plot;
 use super::axes::{Axis, Entry, Frame, Mark, draw as frame};
 use crate::findings;
+use crate::numbers::{exact, group};
 use crate::{Report, ReportError};
 use dataset::{Specification, specification::IntegratorKind};
 use plotters::prelude::*;
@@ -48,7 +49,7 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
         totals.fold(0.0, f64::max),
         |milliseconds| {
             let text = format!("{milliseconds:.3}");
-            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+            group(text.trim_end_matches('0').trim_end_matches('.'))
         },
     );
     let entries = names
@@ -90,9 +91,9 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
     Ok(Some(Plot {
         file: FILE,
         caption: format!(
-            "Time of each stage of the hybrid integrator at a relative accuracy of {:e}, mean over \
+            "Time of each stage of the hybrid integrator at a relative accuracy of {}, mean over \
              materials. Views are named by the elevation of the camera.",
-            setting.value()
+            exact(setting.value())
         ),
         svg,
     }))

@@ -1,4 +1,4 @@
-//! Numbers as tables print them.
+//! Numbers as tables and plots print them.
 
 use crate::findings::Factor;
 
