@@ -6,11 +6,13 @@ mod coordinator_serve;
 mod cores;
 mod dataset_command;
 mod failure;
+mod index_list;
 mod output;
 mod picture;
 mod plural;
 mod progress;
 mod render;
+mod report;
 mod run;
 mod shutdown;
 mod specification;
@@ -54,6 +56,7 @@ enum Command {
     Dataset(dataset_command::Command),
     Render(render::Options),
     Brdf(brdf::Options),
+    Report(report::Options),
     Completions(completions::Options),
 }
 
@@ -66,6 +69,7 @@ fn main() -> ExitCode {
         Command::Dataset(command) => dataset_command::execute(&command),
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),
+        Command::Report(options) => report::execute(&options),
         Command::Completions(options) => completions::execute(&options),
     });
     failure::exit_code(outcome)

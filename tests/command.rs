@@ -374,6 +374,16 @@ fn a_wrong_command_line_is_refused_before_anything_is_written() {
             "render --material-file /dev/zero --view 0 --out x.exr",
             "65536 bytes",
         ),
+        ("report --views 14 --out x", "no view 14"),
+        ("report --views 5-3 --out x", "5-3"),
+        ("report --size 0 --out x", "0"),
+        ("report --size 4096 --out x", "4096"),
+        ("report --materials unicorn --out x", "unicorn"),
+        ("report --materials 0-999 --out x", "100 materials"),
+        ("report --materials 4294967295 --out x", "4294967295"),
+        ("report --integrator radiosity --out x", "radiosity"),
+        ("report --reference 1e-20 --out x", "accuracy"),
+        ("report --quick --out huge.toml", "huge.toml"),
     ] {
         let words: Vec<_> = arguments.split(' ').collect();
         let output = brdfarm(&words, path);
@@ -388,6 +398,48 @@ fn a_wrong_command_line_is_refused_before_anything_is_written() {
         assert_eq!(files(path), before, "{arguments}: files appeared");
     }
     assert_eq!(files(&path.join("occupied")), ["thesis.tex"]);
+}
+
+#[test]
+fn a_narrowed_report_is_written_whole() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let output = brdfarm(
+        &[
+            "report",
+            "--quick",
+            "--materials",
+            "all-lambert,5",
+            "--views",
+            "9,10-11,9",
+            "--size",
+            "8",
+            "--reference",
+            "1e-3",
+            "--out",
+            "a/b",
+        ],
+        directory.path(),
+    );
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    assert_eq!(text(&output.stdout), "a/b/report.html\n");
+    let read =
+        |name: &str| fs::read_to_string(directory.path().join("a/b").join(name)).expect("a text");
+    assert!(read("report.html").starts_with("<!DOCTYPE html>"));
+    // Two materials, three views, three settings of each integrator, and the header.
+    assert_eq!(read("renderings.csv").lines().count(), 1 + 2 * 3 * 6);
+    for name in [
+        "stages.csv",
+        "backends.csv",
+        "calibration.csv",
+        "time-error.svg",
+    ] {
+        assert!(!read(name).is_empty(), "{name}");
+    }
+    assert!(
+        files(&directory.path().join("a/b"))
+            .iter()
+            .all(|name| !name.ends_with(".new"))
+    );
 }
 
 #[test]
@@ -415,6 +467,7 @@ fn every_subcommand_explains_itself() {
         "dataset specification",
         "render",
         "brdf",
+        "report",
         "completions",
     ] {
         let mut arguments: Vec<_> = command.split_whitespace().collect();

@@ -162,11 +162,15 @@ impl Renderer {
         let (film, samples, evaluations, mut stages) = match &prepared.stage {
             Some(stage) => {
                 let light_deg = view_specification.light_elevation_deg;
-                let exchange = self.exchanges.get(material, [rotation_deg, light_deg], || {
-                    stage.exchange(&reflectance)
+                let mut stages = Vec::new();
+                let exchange = timed(&mut stages, "exchange", || {
+                    self.exchanges.get(material, [rotation_deg, light_deg], || {
+                        stage.exchange(&reflectance)
+                    })
                 });
-                let (film, evaluations, stages) =
+                let (film, evaluations, others) =
                     stage.render(&reflectance, exchange.as_deref(), key);
+                stages.extend(others);
                 (film, 0, evaluations, stages)
             }
             None => {

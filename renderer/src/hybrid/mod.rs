@@ -160,7 +160,7 @@ impl Stage {
     }
 
     /// Renders the view, counts evaluations of the reflectance, and times the stages. `exchange` is
-    /// that of [`Stage::exchange`], if it is at hand; `key` names the image, for what is sampled.
+    /// that of [`Stage::exchange`], if it is at hand, and then no stage; `key` names the image, for what is sampled.
     pub fn render(
         &self,
         reflectance: &Reflectance,
@@ -180,10 +180,12 @@ impl Stage {
         });
         if let Some(panel) = &self.panel {
             let mut own = None;
-            let exchange = timed(&mut stages, "exchange", || match exchange {
+            let exchange = match exchange {
                 Some(exchange) => exchange,
-                None => own.insert(Exchange::new(self, panel, reflectance)),
-            });
+                None => timed(&mut stages, "exchange", || {
+                    own.insert(Exchange::new(self, panel, reflectance))
+                }),
+            };
             // Counted with every view, so that an image's label does not tell what was at hand.
             evaluations += exchange.evaluations();
             timed(&mut stages, "chart", || {
