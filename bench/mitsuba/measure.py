@@ -1,5 +1,6 @@
 """The error of an image, the ladder from cost to error, and the test that two images are equal."""
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -44,7 +45,7 @@ def crossing(rungs: list[Rung], error: float) -> Crossing:
     Rungs come in order of cost; there are at least two unless the first is already there."""
     if rungs[0].error <= error:
         return Crossing(rungs[0].cpu_seconds, "at most")
-    for low, high in zip(rungs, rungs[1:]):
+    for low, high in itertools.pairwise(rungs):
         if high.error <= error:
             slope = _slope(low, high)
             return Crossing(_along(low, slope, error), "measured")

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import statistics
 import subprocess
 import tomllib
 from dataclasses import dataclass
@@ -13,6 +14,15 @@ import numpy as np
 
 # What the accuracy of a specification holds: absolute (of white) over relative, as in the preset.
 ABSOLUTE_OVER_RELATIVE = 0.1
+VIEW_WITHOUT_CHART = 13
+LAMBERTIAN = {
+    "roughness": 100.0,
+    "anisotropy": 0.0,
+    "angle_deg": 0.0,
+    "ior": 1.5,
+    "rgb0": [0.5, 0.5, 0.5],
+    "rgb90": [0.5, 0.5, 0.5],
+}
 
 
 @dataclass
@@ -37,10 +47,20 @@ class Program:
     def preset_material(self, index: int) -> dict:
         """The ten parameters of a material of the preset."""
         out = self.folder / "material.exr"
-        specification = self._specification_file(1.0)
-        self._run(["--spec", specification, "--material", str(index), "--view", "13", "--out", out])
+        self._run(
+            ["--spec", self._next_to_nothing(), "--material", str(index)]
+            + ["--view", str(VIEW_WITHOUT_CHART), "--out", out]
+        )
         header = json.loads(mi.Bitmap(str(out)).metadata()["brdfarm"])
         return header["parameters"]
+
+    def start_cpu_seconds(self, repetitions: int) -> float:
+        """What a process takes to render next to nothing: a pixel of a Lambertian sample."""
+        material_file = self.folder / "lambertian.json"
+        material_file.write_text(json.dumps(LAMBERTIAN))
+        arguments = ["--spec", self._next_to_nothing(), "--material-file", material_file]
+        arguments += ["--view", str(VIEW_WITHOUT_CHART), "--out", self.folder / "start.exr"]
+        return statistics.median(self._run(arguments)[0] for _ in range(repetitions))
 
     def render(self, material: dict, view: int, relative: float) -> Rendering:
         """A view of a material, to a relative accuracy."""
@@ -56,6 +76,12 @@ class Program:
             raise RuntimeError(f"{self.path} printed no mean error: {printed!r}")
         pixels = np.array(mi.Bitmap(str(out)), dtype=np.float64)
         return Rendering(pixels, cpu_seconds, float(stated[1]))
+
+    def _next_to_nothing(self) -> Path:
+        """A specification of one small pixel."""
+        path = self.folder / "next-to-nothing.toml"
+        path.write_text("[image]\nwidth = 1\nheight = 1\n[camera]\nfilm_half_width = 0.001\n")
+        return path
 
     def _specification_file(self, relative: float) -> Path:
         path = self.folder / f"accuracy-{relative:g}.toml"
