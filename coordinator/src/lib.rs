@@ -1,4 +1,4 @@
-//! The coordinator: ledger, blob store, leases, gRPC service, export.
+//! The coordinator: ledger, blob store, leases, gRPC service, verification, repair.
 //!
 //! | module | what |
 //! | --- | --- |
@@ -8,7 +8,6 @@
 //! | [`blobs`] | images by digest |
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
 //! | [`acceptance`] | what counts as an image of the dataset |
-//! | [`export`] | the manifest as JSON Lines, CSV and Parquet |
 //! | [`verify`] | every image present, intact and what it says it is |
 //! | [`limits`] | every limit, with its unit |
 //!
@@ -19,7 +18,6 @@ pub mod blobs;
 mod commit;
 mod completion;
 pub mod completion_log;
-pub mod export;
 mod farm;
 mod file_error;
 pub mod ledger;

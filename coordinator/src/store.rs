@@ -15,6 +15,7 @@
 //! at that, and only means that whoever asks wants no more than those now.
 
 use crate::{
+    acceptance::check_digest,
     blobs::Blobs,
     completion_log::Completions,
     file_error::FileError,
@@ -22,7 +23,7 @@ use crate::{
     limits,
     recovery::{Recovered, recover},
 };
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use dataset::{CompletedView, Digest, RENDERER_VERSION, Specification};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -254,6 +255,14 @@ impl ReadOnlyStore {
         }
     }
 
+    /// Whether a material is complete, as far as its line of the log was whole when the store was
+    /// opened. Reads nothing.
+    pub fn is_complete(&self, material: u32) -> bool {
+        self.completions
+            .as_ref()
+            .is_some_and(|completions| completions.contains(material))
+    }
+
     /// How many of the specification's materials are not complete.
     pub fn materials_missing(&self) -> u32 {
         let complete = self.completions.iter().flat_map(Completions::materials);
@@ -267,6 +276,30 @@ impl ReadOnlyStore {
         self.completions
             .as_ref()
             .map_or(0, |completions| completions.bad_line_count)
+    }
+
+    /// Reads an image as it was completed, and checks its size and digest.
+    ///
+    /// # Errors
+    /// Says what is wrong with it: the file is absent, unreadable or damaged.
+    pub fn read_image(&self, image: &CompletedView) -> Result<Vec<u8>, String> {
+        let bytes = match self.blobs.read(&image.digest, image.bytes) {
+            Ok(bytes) => bytes,
+            Err(FileError { source, .. }) if source.kind() == io::ErrorKind::NotFound => {
+                return Err("the image is missing".to_owned());
+            }
+            Err(FileError { source, .. }) => return Err(format!("it cannot be read: {source}")),
+        };
+        if bytes.len() as u64 != image.bytes {
+            let more = if bytes.len() as u64 > image.bytes {
+                "more"
+            } else {
+                "fewer"
+            };
+            return Err(format!("it has {more} than its {} bytes", image.bytes));
+        }
+        check_digest(&bytes, image.digest).map_err(|rejection| rejection.to_string())?;
+        Ok(bytes)
     }
 
     /// Where an image is.

@@ -3,14 +3,12 @@
 //! Reads only, and reads everything: digests are computed anew and every pixel is decoded.
 
 use crate::{
-    acceptance::{check_digest, check_identity, expected_headers, inspect},
-    file_error::FileError,
+    acceptance::{check_identity, expected_headers, inspect},
     store::ReadOnlyStore,
 };
 use dataset::{CompletedView, ImageHeader};
 use std::{
     fmt,
-    io::ErrorKind,
     path::PathBuf,
     sync::{
         Mutex, PoisonError,
@@ -151,23 +149,8 @@ fn verify_image(
     view: &CompletedView,
     expected: &ImageHeader,
 ) -> Result<(), String> {
-    let bytes = match store.blobs.read(&view.digest, view.bytes) {
-        Ok(bytes) => bytes,
-        Err(FileError { source, .. }) if source.kind() == ErrorKind::NotFound => {
-            return Err("the image is missing".to_owned());
-        }
-        Err(FileError { source, .. }) => return Err(format!("it cannot be read: {source}")),
-    };
-    if bytes.len() as u64 != view.bytes {
-        let more = if bytes.len() as u64 > view.bytes {
-            "more"
-        } else {
-            "fewer"
-        };
-        return Err(format!("it has {more} than its {} bytes", view.bytes));
-    }
-    check_digest(&bytes, view.digest)
-        .and_then(|()| inspect(&bytes, &store.specification().image))
+    let bytes = store.read_image(view)?;
+    inspect(&bytes, &store.specification().image)
         .and_then(|header| check_identity(&header, expected))
         .map_err(|rejection| rejection.to_string())
 }

@@ -1,5 +1,7 @@
 //! `brdfarm dataset`: what is done with a store once it is there.
 
+mod export;
+mod index_list;
 mod manifest;
 pub mod show;
 mod specification;
@@ -14,6 +16,7 @@ pub enum Command {
     /// Take out the labels, a row an image
     #[command(subcommand)]
     Manifest(manifest::Command),
+    Export(export::Options),
     Verify(verify::Options),
     Show(show::Options),
     Specification(specification::Options),
@@ -31,6 +34,7 @@ pub struct StoreOptions {
 pub fn execute(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Manifest(command) => manifest::execute(command),
+        Command::Export(options) => export::execute(options),
         Command::Verify(options) => verify::execute(options),
         Command::Show(options) => show::execute(options),
         Command::Specification(options) => specification::execute(options),

@@ -1,7 +1,6 @@
 //! `brdfarm dataset show`.
 
-use super::StoreOptions;
-use crate::failure::BadInput;
+use super::{StoreOptions, index_list::IndexList};
 use crate::output;
 use crate::picture::{self, ContactSheet};
 use anyhow::Context;
@@ -11,9 +10,7 @@ use dataset::Digest;
 use renderer::decode_exr;
 use std::fs;
 use std::io::{self, Write};
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// Make a contact sheet (PNG): a row a material, a column a view
 ///
@@ -36,53 +33,6 @@ pub struct Options {
     /// Where to write, a .png file
     #[arg(long, default_value = "contact-sheet.png", value_name = "FILE")]
     out: PathBuf,
-}
-
-/// Indices and ranges of them, in the order given.
-#[derive(Clone, Debug)]
-struct IndexList(Vec<RangeInclusive<u32>>);
-
-impl FromStr for IndexList {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let index = |text: &str| {
-            text.trim()
-                .parse::<u32>()
-                .map_err(|_| format!("{text:?} is no index: write a list as in 3,5,8-10"))
-        };
-        text.split(',')
-            .map(|part| {
-                let (first, last) = part.split_once('-').unwrap_or((part, part));
-                let range = index(first)?..=index(last)?;
-                if range.is_empty() {
-                    return Err(format!(
-                        "{part:?} runs backwards: write the lower end first"
-                    ));
-                }
-                Ok(range)
-            })
-            .collect::<Result<_, String>>()
-            .map(Self)
-    }
-}
-
-impl IndexList {
-    /// The indices below `count`; naming one at or beyond it is an error, but ranges may end there.
-    fn below(&self, count: u32, what: &str) -> Result<Vec<u32>, BadInput> {
-        if let Some(range) = self.0.iter().find(|range| *range.start() >= count) {
-            return Err(BadInput(format!(
-                "there is no {what} {}: there are {count}, counted from 0",
-                range.start()
-            )));
-        }
-        let last = count.saturating_sub(1);
-        Ok(self
-            .0
-            .iter()
-            .flat_map(|range| *range.start()..=(*range.end()).min(last))
-            .collect())
-    }
 }
 
 /// Writes the sheet.
@@ -112,6 +62,16 @@ pub fn write_sheet(
     exposure_stops: f64,
     path: &Path,
 ) -> anyhow::Result<()> {
+    output::write(path, &sheet(store, materials, views, exposure_stops)?)
+}
+
+/// Such a sheet as PNG.
+pub fn sheet(
+    store: &ReadOnlyStore,
+    materials: &[u32],
+    views: &[u32],
+    exposure_stops: f64,
+) -> anyhow::Result<Vec<u8>> {
     let image = &store.specification().image;
     let mut sheet = ContactSheet::new(
         materials,
@@ -138,5 +98,5 @@ pub fn write_sheet(
             sheet.place(row, column, &decode_exr(&bytes)?);
         }
     }
-    output::write(path, &sheet.finish()?)
+    sheet.finish()
 }

@@ -1,11 +1,10 @@
 //! Stores without a network: what is accepted as an image, what a damaged store recovers, what
-//! `verify` finds, what `export` writes.
+//! `verify` finds.
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
 mod acceptance;
 mod cheap_image;
 mod complete_store;
-mod export;
 mod recovery;
 mod verify;
