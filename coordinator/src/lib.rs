@@ -9,6 +9,8 @@
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`verify`] | every image present, intact and what it says it is |
+//! | [`repair`] | what `verify` finds is rendered again |
+//! | [`garbage`] | files among the images that nothing names |
 //! | [`limits`] | every limit, with its unit |
 //!
 //! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
@@ -20,10 +22,12 @@ mod completion;
 pub mod completion_log;
 mod farm;
 mod file_error;
+pub mod garbage;
 pub mod ledger;
 pub mod limits;
 pub mod queue;
 mod recovery;
+pub mod repair;
 mod roster;
 mod running;
 mod service;
@@ -38,4 +42,4 @@ pub use file_error::FileError;
 pub use queue::Policy;
 pub use recovery::Recovery;
 pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator};
-pub use store::{ReadOnlyStore, Store, StoreError};
+pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};

@@ -1,8 +1,11 @@
 //! `brdfarm dataset`: what is done with a store once it is there.
 
 mod export;
+mod gc;
 mod index_list;
 mod manifest;
+mod repair;
+mod rerender;
 pub mod show;
 mod specification;
 pub mod verify;
@@ -18,6 +21,8 @@ pub enum Command {
     Manifest(manifest::Command),
     Export(export::Options),
     Verify(verify::Options),
+    Repair(repair::Options),
+    Gc(gc::Options),
     Show(show::Options),
     Specification(specification::Options),
 }
@@ -36,6 +41,8 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Manifest(command) => manifest::execute(command),
         Command::Export(options) => export::execute(options),
         Command::Verify(options) => verify::execute(options),
+        Command::Repair(options) => repair::execute(options),
+        Command::Gc(options) => gc::execute(options),
         Command::Show(options) => show::execute(options),
         Command::Specification(options) => specification::execute(options),
     }

@@ -12,15 +12,7 @@ pub(super) struct Csv<W: Write> {
 impl<W: Write> Csv<W> {
     pub fn new(file: W) -> Result<Self, ManifestError> {
         let mut writer = csv::WriterBuilder::new().from_writer(file);
-        let mut names = Vec::new();
-        for column in columns() {
-            match column.kind {
-                Kind::F64List(length) => {
-                    names.extend((0..length).map(|place| format!("{}_{place}", column.name)));
-                }
-                _ => names.push(column.name.to_owned()),
-            }
-        }
+        let names = names();
         writer.write_record(&names).map_err(io::Error::from)?;
         Ok(Self {
             writer,
@@ -50,6 +42,20 @@ impl<W: Write> Manifest for Csv<W> {
         let file = self.writer.into_inner();
         flush(file.map_err(|error| io::Error::from(error.into_error().kind()))?)
     }
+}
+
+/// The names of all columns, lists spread.
+pub(super) fn names() -> Vec<String> {
+    let mut names = Vec::new();
+    for column in columns() {
+        match column.kind {
+            Kind::F64List(length) => {
+                names.extend((0..length).map(|place| format!("{}_{place}", column.name)));
+            }
+            _ => names.push(column.name.to_owned()),
+        }
+    }
+    names
 }
 
 /// The shortest text that reads back to the same bits, with an exponent where digits would be many.

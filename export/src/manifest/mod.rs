@@ -4,9 +4,11 @@
 //! gives the same bytes. The columns, their types, units and descriptions are
 //! [`dataset::manifest::columns`].
 
+pub mod check;
 mod csv;
 mod jsonl;
 pub(crate) mod parquet;
+pub mod read;
 
 use crate::{
     error::ExportError,

@@ -151,7 +151,9 @@ impl Factory {
             path: store.image_path(&image.done.digest),
             reason,
         };
-        let exr = store.read_image(&image.done).map_err(faulty)?;
+        let exr = store
+            .read_image(&image.done)
+            .map_err(|fault| faulty(fault.to_string()))?;
         let kinds = self.products.kinds();
         if let [kind] = *kinds {
             return Ok(vec![Product { kind, bytes: exr }]);

@@ -55,8 +55,10 @@ fn encode_as<T: IntoSample + Copy + Default>(
         filter: "area on the sample, exact, divided by coverage",
     };
     let origin = serde_json::to_string(&origin).map_err(ExportError::encode("a header"))?;
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Some(Text::from("brdfarm"));
+    let mut attributes = LayerAttributes {
+        software_name: Some(Text::from("brdfarm")),
+        ..LayerAttributes::default()
+    };
     attributes.other.insert(
         Text::from(ATTRIBUTE),
         AttributeValue::Text(Text::from(origin.as_str())),
