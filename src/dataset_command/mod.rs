@@ -1,13 +1,16 @@
 //! `brdfarm dataset`: what is done with a store once it is there.
 
+mod diff;
 mod export;
 mod gc;
+mod import;
 mod index_list;
 mod manifest;
 mod repair;
 mod rerender;
 pub mod show;
 mod specification;
+mod stats;
 pub mod verify;
 
 use clap::{Args, Subcommand};
@@ -23,6 +26,9 @@ pub enum Command {
     Verify(verify::Options),
     Repair(repair::Options),
     Gc(gc::Options),
+    Import(import::Options),
+    Diff(diff::Options),
+    Stats(stats::Options),
     Show(show::Options),
     Specification(specification::Options),
 }
@@ -43,6 +49,9 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Verify(options) => verify::execute(options),
         Command::Repair(options) => repair::execute(options),
         Command::Gc(options) => gc::execute(options),
+        Command::Import(options) => import::execute(options),
+        Command::Diff(options) => diff::execute(options),
+        Command::Stats(options) => stats::execute(options),
         Command::Show(options) => show::execute(options),
         Command::Specification(options) => specification::execute(options),
     }

@@ -9,3 +9,4 @@ mod complete_store;
 mod layouts;
 mod manifest;
 mod rectify;
+mod round_trip;
