@@ -416,10 +416,13 @@ fn read_parquet(
     Ok(())
 }
 
+/// An image with its file.
+type Image = (Wanted, Vec<u8>);
+
 /// Materials that are checked and stored together.
 #[derive(Default)]
 struct Batch {
-    materials: Vec<(u32, Vec<(Wanted, Vec<u8>)>)>,
+    materials: Vec<(u32, Vec<Image>)>,
     bytes: u64,
 }
 
@@ -494,7 +497,7 @@ impl Batch {
 fn check(
     specification: &Specification,
     material: u32,
-    images: &[(Wanted, Vec<u8>)],
+    images: &[Image],
 ) -> Result<(), ImportError> {
     let expected = expected_headers(specification, specification.hash(), material);
     for ((wanted, file), header) in images.iter().zip(&expected) {

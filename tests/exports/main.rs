@@ -2,4 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
+mod clients;
 mod rectified;
+mod workplace;

@@ -159,7 +159,8 @@ fn schema(kinds: &[Kind]) -> Schema {
             Encoding::Exr | Encoding::Npy => DataType::Binary,
             Encoding::Png => DataType::Struct(picture_fields()),
         };
-        Field::new(column_name(kind), data, false)
+        // Nullable, though no value is: `datasets` takes a picture for one only then.
+        Field::new(column_name(kind), data, true)
     }));
     let mut features: Map<String, Value> = columns()
         .iter()

@@ -60,7 +60,7 @@ pub enum ReadError {
         /// The file.
         path: PathBuf,
         /// What is wrong.
-        source: SpecificationError,
+        source: Box<SpecificationError>,
     },
     /// The system would not read it.
     #[error(transparent)]
@@ -113,7 +113,7 @@ pub fn read_specification(path: &Path) -> Result<Specification, ReadError> {
         .ok_or_else(|| damaged("it carries no specification".to_owned()))?;
     Specification::from_json(json).map_err(|source| ReadError::Specification {
         path: path.to_owned(),
-        source,
+        source: Box::new(source),
     })
 }
 

@@ -153,7 +153,7 @@ fn what_is_in_the_way_is_refused() {
 
     let place = tempfile::tempdir().unwrap();
     run(&store, &options(layout), place.path()).unwrap();
-    let mut others = vec![
+    let mut others = [
         options(layout),
         options(layout),
         options(Layout::HuggingFace),
