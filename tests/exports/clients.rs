@@ -1,6 +1,8 @@
 //! The exports, opened by the loaders that readers have: `tests/clients/install.sh` installs them.
 
 use crate::workplace::{Workplace, python};
+use std::fs;
+use std::path::Path;
 
 #[test]
 fn stock_loaders_find_the_labels_splits_and_pixels() {
@@ -31,4 +33,14 @@ fn the_example_loads_training_pairs() {
         .filter(|line| line.contains("(2, 64, 64, 3)"))
         .collect();
     assert_eq!(pairs.len(), 8, "{said}");
+
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let example = fs::read_to_string(root.join("examples/load.py")).unwrap();
+    let readme = fs::read_to_string(root.join("README.md")).unwrap();
+    let begin = example.find("LABELS =").unwrap();
+    let end = example.find("if __name__").unwrap();
+    assert!(
+        readme.contains(example[begin..end].trim_end()),
+        "the README shows another example"
+    );
 }

@@ -94,7 +94,6 @@ fn a_checkerboard_is_warped_to_within_a_twentieth_of_a_pixel() {
                 }
             }
         }
-        println!("view {view}: {worst:.4} pixel");
         assert!(worst < 0.05, "view {view}: {worst} pixel");
     }
 }
