@@ -4,16 +4,18 @@
 
 use coordinator::{Completion, Store};
 use dataset::{CompletedView, Digest, ErrorStatistics, Specification};
-use std::{env, path::PathBuf};
+use exr::prelude::*;
+use std::{env, io::Cursor, path::PathBuf};
 
 /// Bytes of an image: what the preset's images have in the mean.
-const IMAGE_BYTES: u64 = 36_000;
+const IMAGE_BYTES: u32 = 36_000;
 
 /// Materials that become durable together.
 const BATCH_MATERIALS: u32 = 100;
 
-/// Bytes that no compressor shrinks: exports of images as they are decode nothing.
-fn image(material: u32, view: u32) -> Vec<u8> {
+/// A black image that every reader opens, with bytes behind it that no compressor shrinks: an
+/// export of images as they are decodes those of the card alone.
+fn image(black: &[u8], material: u32, view: u32) -> Vec<u8> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&material.to_le_bytes());
     hasher.update(&view.to_le_bytes());
@@ -29,13 +31,14 @@ fn image(material: u32, view: u32) -> Vec<u8> {
 fn make_a_store_of_126_000_images() {
     let path = PathBuf::from(env::var_os("BRDFARM_SCALE_STORE").expect("BRDFARM_SCALE_STORE"));
     let specification = Specification::preset();
+    let black = black(&specification);
     let mut store = Store::open_or_create(&path, &specification).unwrap();
     for first in (0..specification.materials).step_by(BATCH_MATERIALS as usize) {
         let (mut completions, mut images) = (Vec::new(), Vec::new());
         for material in first..(first + BATCH_MATERIALS).min(specification.materials) {
             let mut views = Vec::new();
             for view in 0..specification.views.len() as u32 {
-                let bytes = image(material, view);
+                let bytes = image(&black, material, view);
                 let digest = Digest::of(&bytes);
                 views.push(CompletedView {
                     digest,

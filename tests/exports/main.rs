@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
+mod again;
 mod clients;
 mod rectified;
+mod upkeep;
 mod workplace;

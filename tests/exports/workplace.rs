@@ -21,10 +21,15 @@ pub struct Workplace(tempfile::TempDir);
 impl Workplace {
     /// With a store of so many materials.
     pub fn rendered(materials: u32) -> Self {
-        let place = Self(tempfile::tempdir().unwrap());
+        let place = Self::empty();
         fs::write(place.path().join("spec.toml"), SPECIFICATION).unwrap();
         place.succeed(&format!("run --spec spec.toml --materials {materials}"));
         place
+    }
+
+    /// Without anything.
+    pub fn empty() -> Self {
+        Self(tempfile::tempdir().unwrap())
     }
 
     pub fn path(&self) -> &Path {
