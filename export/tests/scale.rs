@@ -20,9 +20,25 @@ fn image(black: &[u8], material: u32, view: u32) -> Vec<u8> {
     hasher.update(&material.to_le_bytes());
     hasher.update(&view.to_le_bytes());
     // Sizes vary as those of images do.
-    let mut bytes =
-        vec![0; (IMAGE_BYTES - 8_000 + u64::from(material * 14 + view) % 16_000) as usize];
-    hasher.finalize_xof().fill(&mut bytes);
+    let size = IMAGE_BYTES - 8_000 + (material * 14 + view) % 16_000;
+    let mut bytes = black.to_vec();
+    bytes.resize(size as usize, 0);
+    hasher.finalize_xof().fill(&mut bytes[black.len()..]);
+    bytes
+}
+
+fn black(specification: &Specification) -> Vec<u8> {
+    let size = (
+        specification.image.width as usize,
+        specification.image.height as usize,
+    );
+    let zero = f16::from_f32(0.0);
+    let channels = SpecificChannels::rgb(|_: Vec2<usize>| (zero, zero, zero));
+    let mut bytes = Vec::new();
+    Image::from_channels(size, channels)
+        .write()
+        .to_buffered(Cursor::new(&mut bytes))
+        .unwrap();
     bytes
 }
 
