@@ -56,8 +56,8 @@ pub struct Options {
     /// Export what is complete although materials are missing
     #[arg(long)]
     partial: bool,
-    /// Hard links to the store's images instead of copies (layout files): whoever changes one
-    /// changes the store
+    /// Hard links to the store's images instead of copies (layout files, one file system): whoever
+    /// changes one changes the store
     #[arg(long)]
     links: bool,
     /// Size of a shard, about, in megabytes

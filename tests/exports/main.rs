@@ -4,6 +4,7 @@
 
 mod again;
 mod clients;
+mod killed;
 mod rectified;
 mod upkeep;
 mod workplace;

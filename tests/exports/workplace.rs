@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, Command, Output, Stdio};
 
 /// Small images, so that 14 of them take a fraction of a second.
 const SPECIFICATION: &str = r#"
@@ -41,6 +41,17 @@ impl Workplace {
             .current_dir(self.path())
             .args(arguments.split_whitespace())
             .output()
+            .unwrap()
+    }
+
+    /// A command under way.
+    pub fn spawn(&self, arguments: &str) -> Child {
+        Command::new(env!("CARGO_BIN_EXE_brdfarm"))
+            .current_dir(self.path())
+            .args(arguments.split_whitespace())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
             .unwrap()
     }
 

@@ -54,11 +54,10 @@ pub(super) fn write(
         for image in work.images(unit, material)? {
             for product in work.factory.make(work.store, &image)? {
                 let place = beside.join(name(image.view, product.kind.extension));
-                let is_image = product.kind == work.kinds[0];
-                let linked = links
-                    && is_image
-                    && fs::hard_link(work.store.image_path(&image.done.digest), &place).is_ok();
-                if !linked {
+                if links && product.kind == work.kinds[0] {
+                    fs::hard_link(work.store.image_path(&image.done.digest), &place)
+                        .map_err(unable("link an image of the store to", &place))?;
+                } else {
                     fs::write(&place, &product.bytes).map_err(unable("write", &place))?;
                 }
             }

@@ -252,3 +252,28 @@ fn sync_file_system(folder: &Path) -> Result<(), ExportError> {
     let synced = File::open(folder).and_then(|folder| Ok(rustix::fs::syncfs(folder)?));
     Ok(synced.map_err(unable("sync the file system of", folder))?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::Split;
+
+    #[test]
+    fn a_disk_with_too_little_room_is_refused_before_anything_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let unit = |bytes_max| Unit {
+            path: "train/000000".to_owned(),
+            split: Split::Train,
+            materials: vec![0],
+            bytes_max,
+        };
+        let (small, huge) = (unit(1), unit(1 << 60));
+        check_room(folder.path(), &[&small, &small]).unwrap();
+        let refused = check_room(folder.path(), &[&small, &huge]).unwrap_err();
+        assert!(matches!(
+            refused,
+            ExportError::DiskFull { needed_bytes, free_bytes, .. }
+                if needed_bytes > huge.bytes_max && free_bytes < needed_bytes
+        ));
+    }
+}

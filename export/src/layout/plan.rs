@@ -23,8 +23,8 @@ const LABEL_BYTES: u64 = 8 << 10;
 pub enum Layout {
     /// A folder for each material with a file for each view.
     Files {
-        /// Images are hard links to the store's where both are on one file system. Whoever changes
-        /// such a file changes the store.
+        /// Images are hard links to the store's, which has to be on the same file system. Whoever
+        /// changes such a file changes the store.
         links: bool,
     },
     /// Tar shards, a sample for each material.
@@ -82,6 +82,9 @@ impl Plan {
             for image in &images {
                 hasher.extend(image.done.digest.as_bytes());
                 bytes += work.factory.bytes_max(image.done.bytes) + LABEL_BYTES;
+                if work.layout == (Layout::Files { links: true }) {
+                    bytes -= image.done.bytes;
+                }
             }
             sizes.push((material, bytes));
         }
