@@ -52,6 +52,12 @@ pub enum ImportError {
         /// Views of the specification.
         views: usize,
     },
+    /// The store has the material already, and other images of it.
+    #[error(
+        "the store has other images of material {0} than the manifest: verify both, or choose \
+         another store"
+    )]
+    Conflict(u32),
     /// An image is absent or not what its row says.
     #[error("{}, material {material}, view {view}: {what}", path.display())]
     Image {
@@ -106,24 +112,8 @@ pub fn import(
 ) -> Result<Imported, ImportError> {
     let mut wanted = read_manifest(specification, manifest)?;
     let mut store = Store::open_or_create(path, specification)?;
-    let reader = ReadOnlyStore::open(path)?;
-    let before = wanted.len();
-    let mut kept = BTreeMap::new();
-    for (material, images) in wanted {
-        let there = reader.completion(material)?;
-        let same = there.is_some_and(|there| {
-            there
-                .views
-                .iter()
-                .eq(images.iter().map(|image| &image.done))
-        });
-        if !same {
-            kept.insert(material, images);
-        }
-    }
-    wanted = kept;
     let mut imported = Imported {
-        materials_there: (before - wanted.len()) as u32,
+        materials_there: drop_what_is_there(&ReadOnlyStore::open(path)?, &mut wanted)?,
         ..Imported::default()
     };
     let total = wanted.values().map(|images| images.len() as u64).sum();
@@ -144,6 +134,31 @@ pub fn import(
     })?;
     flush(&mut batch)?;
     Ok(imported)
+}
+
+/// Drops the materials that a store has already, and counts them.
+fn drop_what_is_there(
+    store: &ReadOnlyStore,
+    wanted: &mut WantedMaterials,
+) -> Result<u32, ImportError> {
+    let before = wanted.len();
+    for material in store.materials_complete() {
+        let Some(images) = wanted.get(&material) else {
+            continue;
+        };
+        let Some(there) = store.completion(material)? else {
+            continue;
+        };
+        if !there
+            .views
+            .iter()
+            .eq(images.iter().map(|image| &image.done))
+        {
+            return Err(ImportError::Conflict(material));
+        }
+        wanted.remove(&material);
+    }
+    Ok((before - wanted.len()) as u32)
 }
 
 /// An image that is to come in.

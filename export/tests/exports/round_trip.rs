@@ -241,6 +241,23 @@ fn a_bad_image_does_not_come_in_and_the_rest_goes_on_after_it() {
 }
 
 #[test]
+fn what_a_store_has_is_not_replaced() {
+    let (_folder, store) = store_of(3);
+    let scratch = tempfile::tempdir().unwrap();
+    let out = scratch.path().join("out");
+    export_layout(&store, &options(Layout::WebDataset), b"", &out, &|_| ()).unwrap();
+    let path = scratch.path().join("store");
+    take_in(&out, &path).unwrap();
+    let mut other = completion(&small_specification(3), 1).0;
+    other.views[2].statistics.mean += 1e-9;
+    Store::open(&path).unwrap().put(&[other], &[]).unwrap();
+    assert!(matches!(
+        take_in(&out, &path),
+        Err(ImportError::Conflict(1))
+    ));
+}
+
+#[test]
 fn a_manifest_that_leads_out_of_its_folder_or_is_of_a_part_is_refused() {
     let (folder, store) = store_of(6);
     let path = folder.path().join("out.jsonl");
