@@ -49,7 +49,7 @@ pub fn repair(
     mending: &dyn Fn(usize, usize),
 ) -> Result<Vec<Repair>, StoreError> {
     let reader = ReadOnlyStore::open(store.path())?;
-    let report = verify(&reader, checks, progress);
+    let report = verify(&reader, checks, progress)?;
     let faults = report.faults.len();
     let mut by_material: BTreeMap<u32, Vec<Fault>> = BTreeMap::new();
     for fault in report.faults {

@@ -6,6 +6,7 @@
 
 use crate::{
     acceptance::{Rejection, check_identity, decode, expected_headers},
+    file_error::FileError,
     garbage,
     store::{ImageFault, ReadOnlyStore},
 };
@@ -159,19 +160,26 @@ impl fmt::Display for Fault {
 }
 
 /// Checks a store. `progress` is told, from any thread, how many images have been looked at.
+///
+/// # Errors
+/// When the folders of images cannot be listed; what is wrong with single images is reported.
 pub fn verify(
     store: &ReadOnlyStore,
     checks: &Checks<'_>,
     progress: &(dyn Fn(u64) + Sync),
-) -> Report {
+) -> Result<Report, FileError> {
     let next = AtomicU32::new(0);
     let looked_at = AtomicU64::new(0);
-    let (unnamed, unnamed_count) = list_unnamed(store);
+    let unnamed = garbage::unnamed(store)?;
     let report = Mutex::new(Report {
         materials: checks.materials,
         log_lines_damaged: store.log_lines_damaged(),
-        unnamed,
-        unnamed_count,
+        unnamed_count: unnamed.len() as u64,
+        unnamed: unnamed
+            .into_iter()
+            .take(UNNAMED_LISTED_MAX)
+            .map(|file| file.path)
+            .collect(),
         ..Report::default()
     });
     let work = || {
@@ -198,15 +206,7 @@ pub fn verify(
     });
     let mut report = report.into_inner().unwrap_or_else(PoisonError::into_inner);
     report.faults.sort();
-    report
-}
-
-/// A folder that cannot be listed shows in the images that cannot be read.
-fn list_unnamed(store: &ReadOnlyStore) -> (Vec<PathBuf>, u64) {
-    let unnamed = garbage::unnamed(store).unwrap_or_default();
-    let count = unnamed.len() as u64;
-    let listed = unnamed.into_iter().take(UNNAMED_LISTED_MAX);
-    (listed.map(|file| file.path).collect(), count)
+    Ok(report)
 }
 
 fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) -> Report {

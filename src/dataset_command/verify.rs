@@ -5,8 +5,8 @@ use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{cores, output, progress};
 use clap::Args;
-use coordinator::ReadOnlyStore;
 use coordinator::verify::{Checks, Fault, Report, verify};
+use coordinator::{FileError, ReadOnlyStore};
 use export::manifest::check::{RowFault, check_manifest};
 use renderer::geometry::BackendChoice;
 use serde::Serialize;
@@ -98,7 +98,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(&options.store.store)?;
     let renderer = options.checks.renderer(&store)?;
     let checks = options.checks.checks(&store, &renderer);
-    let report = look(&store, &checks);
+    let report = look(&store, &checks)?;
     let rows = match &options.manifest {
         Some(path) => check_manifest(&store, path).map_err(|error| BadInput(error.to_string()))?,
         None => Vec::new(),
@@ -147,10 +147,10 @@ pub fn check(store: &ReadOnlyStore, materials: u32, threads: usize) -> anyhow::R
         rerender_share: 0.0,
         rerender_seed: 0,
     };
-    tell(store, &look(store, &checks), &mut io::stdout())
+    tell(store, &look(store, &checks)?, &mut io::stdout())
 }
 
-fn look(store: &ReadOnlyStore, checks: &Checks<'_>) -> Report {
+fn look(store: &ReadOnlyStore, checks: &Checks<'_>) -> Result<Report, FileError> {
     let images = u64::from(checks.materials) * store.specification().views.len() as u64;
     let bar = progress::bar(images, "images checked");
     let report = verify(store, checks, &|looked_at| bar.set_position(looked_at));

@@ -72,7 +72,7 @@ fn blobs(path: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 fn look(path: &Path, checks: &Checks<'_>) -> Report {
-    verify(&ReadOnlyStore::open(path).unwrap(), checks, &|_| ())
+    verify(&ReadOnlyStore::open(path).unwrap(), checks, &|_| ()).unwrap()
 }
 
 fn mend(path: &Path, renderer: &CheapRenderer, checks: &Checks<'_>) -> Vec<Repair> {

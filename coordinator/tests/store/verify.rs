@@ -20,6 +20,7 @@ fn check(path: &Path) -> Report {
         &checks(store.specification().materials, None),
         &|_| (),
     )
+    .unwrap()
 }
 
 #[test]
@@ -31,7 +32,8 @@ fn every_kind_of_damage_is_found_where_it_is() {
     let store = ReadOnlyStore::open(folder.path()).unwrap();
     let report = verify(&store, &checks(8, None), &|images| {
         looked_at.fetch_max(images, Ordering::Relaxed);
-    });
+    })
+    .unwrap();
     assert_eq!(report.faults, []);
     assert_eq!(report.images_sound, 24);
     assert_eq!(looked_at.into_inner(), 24);
