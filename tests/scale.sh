@@ -30,7 +30,9 @@ def measure(name, command):
     seconds = time.monotonic() - started
     if status:
         sys.exit(f"{name} failed")
-    print(f"{name:<22} {seconds:7.1f} s  {usage.ru_maxrss / 1024:6.0f} MiB", flush=True)
+    cpu = usage.ru_utime + usage.ru_stime
+    memory = usage.ru_maxrss / 1024
+    print(f"{name:<20} {seconds:7.1f} s {cpu:7.1f} s of a core {memory:6.0f} MiB", flush=True)
     return seconds, usage.ru_maxrss
 
 
@@ -44,7 +46,7 @@ for layout in ("webdataset", "huggingface", "files"):
     tar.append(measure("tar", ["tar", "-cf", "blobs.tar", "store/blobs"])[0])
     (scratch / "blobs.tar").unlink()
     seconds, _ = measure(layout, [brdfarm, "dataset", "export", layout, "--layout", layout])
-    print(f"{'':22} {seconds / tar[-1]:7.2f} times tar", flush=True)
+    print(f"{'':20} {seconds / tar[-1]:7.2f} times tar", flush=True)
     if layout == "webdataset":
         ratio = seconds / tar[-1]
     shutil.rmtree(scratch / layout)
