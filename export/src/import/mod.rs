@@ -9,8 +9,12 @@ mod images;
 
 use crate::manifest::read::{ReadError, read};
 use batch::Batch;
-use coordinator::{FileError, ReadOnlyStore, Store, StoreError};
-use dataset::{CompletedView, Specification, manifest::Row};
+use coordinator::{FileError, ReadOnlyStore, Store, StoreError, limits::IMAGE_OVERHEAD_BYTES_MAX};
+use dataset::{
+    CompletedView, Specification,
+    manifest::Row,
+    specification::{Image, Pixel},
+};
 use images::for_each_material;
 use std::{
     collections::BTreeMap,
@@ -178,6 +182,7 @@ fn read_manifest(
 ) -> Result<WantedMaterials, ImportError> {
     let hash = specification.hash();
     let views = specification.views.len();
+    let bytes_max = image_bytes_max(&specification.image);
     let mut found: BTreeMap<u32, BTreeMap<u32, Wanted>> = BTreeMap::new();
     read::<ImportError>(manifest, |number, row| {
         let (material, view) = row.image();
@@ -193,6 +198,12 @@ fn read_manifest(
         let done = row
             .completed_view()
             .map_err(|error| wrong(error.to_string()))?;
+        if done.bytes > bytes_max {
+            return Err(wrong(format!(
+                "no image of this film has {} bytes",
+                done.bytes
+            )));
+        }
         let sampled = specification.material(material);
         let expected = Row::new(specification, hash, &sampled, view, &done);
         if let Some(column) = row.first_difference(&expected) {
@@ -228,6 +239,15 @@ fn read_manifest(
             }
         })
         .collect()
+}
+
+/// The largest file that an image can be: what does not compress is stored as it is.
+fn image_bytes_max(film: &Image) -> u64 {
+    let sample_bytes = match film.pixel {
+        Pixel::Half => 2,
+        Pixel::Float => 4,
+    };
+    3 * sample_bytes * u64::from(film.width) * u64::from(film.height) + IMAGE_OVERHEAD_BYTES_MAX
 }
 
 /// A path that stays below the folder that it is relative to.

@@ -258,7 +258,7 @@ fn what_a_store_has_is_not_replaced() {
 }
 
 #[test]
-fn a_manifest_that_leads_out_of_its_folder_or_is_of_a_part_is_refused() {
+fn a_manifest_that_leads_out_of_its_folder_lies_of_sizes_or_is_of_a_part_is_refused() {
     let (folder, store) = store_of(6);
     let path = folder.path().join("out.jsonl");
     export(&store, Format::Jsonl, false, &path).unwrap();
@@ -283,6 +283,17 @@ fn a_manifest_that_leads_out_of_its_folder_or_is_of_a_part_is_refused() {
         let refused = go().to_string();
         assert!(refused.contains("leaves the folder"), "{refused}");
     }
+    let bytes = whole.find("\"bytes\":").unwrap() + 8;
+    let digits = whole[bytes..].find(',').unwrap();
+    let edited = format!(
+        "{}{}{}",
+        &whole[..bytes],
+        u64::MAX,
+        &whole[bytes + digits..]
+    );
+    fs::write(&path, edited).unwrap();
+    let refused = go().to_string();
+    assert!(refused.contains("no image of this film"), "{refused}");
     let part: Vec<&str> = whole
         .lines()
         .filter(|line| !line.contains("\"view\":1,"))
