@@ -6,6 +6,7 @@ mod coordinator_serve;
 mod cores;
 mod dataset_command;
 mod failure;
+mod index_list;
 mod output;
 mod picture;
 mod plural;

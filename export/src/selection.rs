@@ -87,6 +87,27 @@ impl Chosen {
         self.materials.len() as u64 * self.views.len() as u64
     }
 
+    /// The files of the chosen images of one of the materials, with their views.
+    pub fn files_of(
+        &self,
+        store: &ReadOnlyStore,
+        material: u32,
+    ) -> Result<Vec<(u32, CompletedView)>, ExportError> {
+        let completion = store.completion(material)?;
+        // The line was whole when the store was opened.
+        let completion = completion.ok_or_else(|| ExportError::Image {
+            path: store.path().join("completions.log"),
+            reason: format!("the line of material {material} was damaged meanwhile"),
+        })?;
+        if completion.views.len() != store.specification().views.len() {
+            return Err(ExportError::Views(material));
+        }
+        let views = self.views.iter();
+        Ok(views
+            .map(|&view| (view, completion.views[view as usize].clone()))
+            .collect())
+    }
+
     /// The chosen images of one of the materials.
     pub fn images_of(
         &self,
@@ -94,19 +115,10 @@ impl Chosen {
         material: u32,
     ) -> Result<Vec<ChosenImage>, ExportError> {
         let specification = store.specification();
-        let completion = store.completion(material)?;
-        // The line was whole when the store was opened.
-        let completion = completion.ok_or_else(|| ExportError::Image {
-            path: store.path().join("completions.log"),
-            reason: format!("the line of material {material} was damaged meanwhile"),
-        })?;
-        if completion.views.len() != specification.views.len() {
-            return Err(ExportError::Views(material));
-        }
-        let sampled = specification.material(material);
         let hash = store.specification_hash();
-        let images = self.views.iter().map(|&view| {
-            let done = completion.views[view as usize].clone();
+        let sampled = specification.material(material);
+        let images = self.files_of(store, material)?.into_iter();
+        let images = images.map(|(view, done)| {
             let row = Row::new(specification, hash, &sampled, view, &done);
             ChosenImage { view, done, row }
         });

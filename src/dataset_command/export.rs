@@ -1,7 +1,8 @@
 //! `brdfarm dataset export`.
 
-use super::{StoreOptions, index_list::IndexList, show};
+use super::{StoreOptions, show};
 use crate::failure::BadInput;
+use crate::index_list::IndexList;
 use crate::plural::count;
 use crate::{cores, picture, progress};
 use clap::{Args, ValueEnum};

@@ -4,7 +4,6 @@ mod diff;
 mod export;
 mod gc;
 mod import;
-mod index_list;
 mod manifest;
 mod repair;
 mod rerender;

@@ -1,6 +1,7 @@
 //! `brdfarm dataset show`.
 
-use super::{StoreOptions, index_list::IndexList};
+use super::StoreOptions;
+use crate::index_list::IndexList;
 use crate::output;
 use crate::picture::{self, ContactSheet};
 use anyhow::Context;

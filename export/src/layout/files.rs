@@ -16,12 +16,12 @@ pub(super) fn is_there(work: &Work<'_>, unit: &Unit) -> Result<bool, ExportError
         return Ok(false);
     }
     for &material in &unit.materials {
-        for image in work.chosen.images_of(work.store, material)? {
+        for (view, done) in work.chosen.files_of(work.store, material)? {
             for kind in &work.kinds {
-                let path = folder.join(name(image.view, kind.extension));
+                let path = folder.join(name(view, kind.extension));
                 let bytes = fs::metadata(&path).map_or(0, |file| file.len());
                 let whole = match (kind.encoding, kind.rectified) {
-                    (Encoding::Exr, false) => bytes == image.done.bytes,
+                    (Encoding::Exr, false) => bytes == done.bytes,
                     _ => bytes > 0,
                 };
                 if !whole {

@@ -182,12 +182,15 @@ impl Work<'_> {
 
     /// The images of a material of a unit, their rows with the place where they are going.
     fn images(&self, unit: &Unit, material: u32) -> Result<Vec<ChosenImage>, ExportError> {
-        let mut images = self.chosen.images_of(self.store, material)?;
-        for image in &mut images {
+        let images = self.chosen.images_of(self.store, material)?.into_iter();
+        let images = images.map(|image| {
             let path = self.layout.image_path(&unit.path, image.view);
-            image.row = image.row.clone().with_path(path);
-        }
-        Ok(images)
+            ChosenImage {
+                row: image.row.with_path(path),
+                ..image
+            }
+        });
+        Ok(images.collect())
     }
 
     /// Writes what describes the export; the manifest last.

@@ -76,14 +76,14 @@ impl Plan {
         let mut hasher = Vec::new();
         let mut sizes = Vec::with_capacity(work.chosen.materials.len());
         for &material in &work.chosen.materials {
-            let images = work.chosen.images_of(work.store, material)?;
+            let images = work.chosen.files_of(work.store, material)?;
             hasher.extend(material.to_le_bytes());
             let mut bytes = 0;
-            for image in &images {
-                hasher.extend(image.done.digest.as_bytes());
-                bytes += work.factory.bytes_max(image.done.bytes) + LABEL_BYTES;
+            for (_, done) in &images {
+                hasher.extend(done.digest.as_bytes());
+                bytes += work.factory.bytes_max(done.bytes) + LABEL_BYTES;
                 if work.layout == (Layout::Files { links: true }) {
-                    bytes -= image.done.bytes;
+                    bytes -= done.bytes;
                 }
             }
             sizes.push((material, bytes));

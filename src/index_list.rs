@@ -1,4 +1,4 @@
-//! Indices on the command line: `0-11` or `3,5,8-10`.
+//! Lists of indices on the command line, as in 3,5,8-10.
 
 use crate::failure::BadInput;
 use std::ops::RangeInclusive;
