@@ -14,13 +14,13 @@ use std::path::PathBuf;
 /// Take a manifest and its images into a store, checked on the way in
 ///
 /// DIR is an export of any layout, or any folder with a manifest and images where it says. Every
-/// row is compared with what the specification gives, and every image with its row.
+/// row is compared with what the specification gives, and every image with its row. The store is
+/// made where there is none; what one has already is not replaced.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The folder that the manifest's paths are relative to
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// The store, which is made where there is none
     #[command(flatten)]
     store: StoreOptions,
     /// The manifest [default: manifest.parquet in DIR]
