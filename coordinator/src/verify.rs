@@ -62,6 +62,19 @@ pub struct Checks<'a> {
     pub rerender_seed: u64,
 }
 
+impl Checks<'_> {
+    /// The checks of the first `materials` that need no renderer, with so many threads.
+    pub fn without_renderer(materials: u32, threads: usize) -> Self {
+        Self {
+            materials,
+            threads,
+            renderer: None,
+            rerender_share: 0.0,
+            rerender_seed: 0,
+        }
+    }
+}
+
 /// In which way something is not as it should be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
