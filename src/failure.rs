@@ -2,6 +2,7 @@
 
 use coordinator::{CoordinatorError, StoreError};
 use dataset::SpecificationError;
+use export::ExportError;
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -72,4 +73,12 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
             Some(CoordinatorError::Exposed(_) | CoordinatorError::ImageTooLarge { .. })
         )
         || matches!(cause.downcast_ref(), Some(WorkerError::Url(_)))
+        || matches!(
+            cause.downcast_ref(),
+            Some(
+                ExportError::NoSuchView { .. }
+                    | ExportError::Occupied { .. }
+                    | ExportError::Rectify(_)
+            )
+        )
 }

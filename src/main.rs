@@ -51,7 +51,7 @@ enum Command {
     /// Render for a coordinator
     #[command(subcommand)]
     Worker(worker_connect::Command),
-    /// Look at a store, check it, take its labels out
+    /// Look at a store, check it, mend it, take out what is in it
     #[command(subcommand)]
     Dataset(dataset_command::Command),
     Render(render::Options),

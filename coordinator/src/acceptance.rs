@@ -18,7 +18,11 @@ use exr::{
         header::Header,
     },
 };
-use std::{io::Cursor, panic};
+use half::f16;
+use std::{
+    io::Cursor,
+    panic::{self, AssertUnwindSafe},
+};
 use thiserror::Error;
 
 /// Scan lines in a block of ZIP16.
@@ -84,14 +88,41 @@ pub fn check_digest(bytes: &[u8], named: Digest) -> Result<(), Rejection> {
     }
 }
 
+/// An image that was read whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Decoded {
+    /// What it says of itself.
+    pub header: ImageHeader,
+    /// Linear Rec.709 in units of white, row by row from the top; exact for either pixel type.
+    pub pixels: Vec<[f32; 3]>,
+}
+
 /// Reads a whole image under bounds and returns what it says of itself. `film` is the dataset's.
 pub fn inspect(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejection> {
-    // The decoder is not ours: should some input make it panic, it is a bad image like any other.
-    panic::catch_unwind(|| inspect_unguarded(bytes, film)).unwrap_or_else(|_| {
-        Err(Rejection::Unreadable(
-            "the decoder gave up on it".to_owned(),
-        ))
-    })
+    read_guarded(bytes, film, |_| {})
+}
+
+/// Reads a whole image under bounds, pixels and all. `film` is the dataset's.
+pub fn decode(bytes: &[u8], film: &Image) -> Result<Decoded, Rejection> {
+    let mut pixels = vec![[0.0; 3]; film.width as usize * film.height as usize];
+    let header = read_guarded(bytes, film, |block| place_pixels(block, film, &mut pixels))?;
+    Ok(Decoded { header, pixels })
+}
+
+fn read_guarded(
+    bytes: &[u8],
+    film: &Image,
+    visit: impl FnMut(&UncompressedBlock),
+) -> Result<ImageHeader, Rejection> {
+    // The decoder is not ours: should some input make it panic, it is a bad image like any other,
+    // and what was visited of it is dropped.
+    panic::catch_unwind(AssertUnwindSafe(|| read_unguarded(bytes, film, visit))).unwrap_or_else(
+        |_| {
+            Err(Rejection::Unreadable(
+                "the decoder gave up on it".to_owned(),
+            ))
+        },
+    )
 }
 
 /// What the images of a material have to say of themselves, view by view.
@@ -160,7 +191,11 @@ pub fn check_identity(header: &ImageHeader, expected: &ImageHeader) -> Result<()
     })
 }
 
-fn inspect_unguarded(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejection> {
+fn read_unguarded(
+    bytes: &[u8],
+    film: &Image,
+    mut visit: impl FnMut(&UncompressedBlock),
+) -> Result<ImageHeader, Rejection> {
     let unreadable = |error: exr::error::Error| Rejection::Unreadable(error.to_string());
     let reader = exr::block::read(Cursor::new(bytes), true).map_err(unreadable)?;
     let [header] = reader.headers() else {
@@ -176,6 +211,7 @@ fn inspect_unguarded(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejectio
         let block =
             UncompressedBlock::decompress_chunk(chunk, &description, true).map_err(unreadable)?;
         check_pixels(&block, film)?;
+        visit(&block);
         blocks += 1;
     }
     same("number of blocks", blocks, film_blocks(film))?;
@@ -251,6 +287,26 @@ fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
     }
     serde_json::from_str(&text)
         .map_err(|error| Rejection::Attribute(format!("is no image header: {error}")))
+}
+
+/// Copies a block's pixels to their places. A line is all of blue, all of green, all of red.
+fn place_pixels(block: &UncompressedBlock, film: &Image, pixels: &mut [[f32; 3]]) {
+    let width = film.width as usize;
+    let sample_bytes = match film.pixel {
+        Pixel::Half => 2,
+        Pixel::Float => 4,
+    };
+    let lines = block.data.chunks_exact(3 * width * sample_bytes);
+    let places = pixels.chunks_exact_mut(width);
+    for (line, places) in lines.zip(places.skip(block.index.pixel_position.1)) {
+        for (number, sample) in line.chunks_exact(sample_bytes).enumerate() {
+            places[number % width][2 - number / width] = match *sample {
+                [a, b] => f16::from_ne_bytes([a, b]).to_f32(),
+                [a, b, c, d] => f32::from_ne_bytes([a, b, c, d]),
+                _ => unreachable!("chunks of two or four bytes"),
+            };
+        }
+    }
 }
 
 /// Every value finite and not below zero, told from the bits: all exponent bits set is infinite or

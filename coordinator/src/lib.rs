@@ -1,4 +1,4 @@
-//! The coordinator: ledger, blob store, leases, gRPC service, export.
+//! The coordinator: ledger, blob store, leases, gRPC service, verification, repair.
 //!
 //! | module | what |
 //! | --- | --- |
@@ -8,8 +8,9 @@
 //! | [`blobs`] | images by digest |
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
 //! | [`acceptance`] | what counts as an image of the dataset |
-//! | [`export`] | the manifest as JSON Lines, CSV and Parquet |
 //! | [`verify`] | every image present, intact and what it says it is |
+//! | [`repair`] | what `verify` finds is rendered again |
+//! | [`garbage`] | files among the images that nothing names |
 //! | [`limits`] | every limit, with its unit |
 //!
 //! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
@@ -19,13 +20,14 @@ pub mod blobs;
 mod commit;
 mod completion;
 pub mod completion_log;
-pub mod export;
 mod farm;
 mod file_error;
+pub mod garbage;
 pub mod ledger;
 pub mod limits;
 pub mod queue;
 mod recovery;
+pub mod repair;
 mod roster;
 mod running;
 mod service;
@@ -40,4 +42,4 @@ pub use file_error::FileError;
 pub use queue::Policy;
 pub use recovery::Recovery;
 pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator};
-pub use store::{ReadOnlyStore, Store, StoreError};
+pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};

@@ -15,14 +15,17 @@
 //! at that, and only means that whoever asks wants no more than those now.
 
 use crate::{
+    acceptance::{Rejection, check_digest},
     blobs::Blobs,
+    completion::Completion,
     completion_log::Completions,
     file_error::FileError,
     ledger::LedgerError,
     limits,
+    queue::{Change, JobRecord, JobState},
     recovery::{Recovered, recover},
 };
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use dataset::{CompletedView, Digest, RENDERER_VERSION, Specification};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use std::{
@@ -99,6 +102,28 @@ pub enum StoreError {
     /// The system would not do what was asked.
     #[error(transparent)]
     File(#[from] FileError),
+}
+
+/// Why the file of a completed image is not as it was.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ImageFault {
+    /// It is absent.
+    #[error("the image is missing")]
+    Missing,
+    /// The system would not read it.
+    #[error("it cannot be read: {0}")]
+    Unreadable(String),
+    /// It has another size.
+    #[error("it has {} than its {bytes} bytes", if *.more { "more" } else { "fewer" })]
+    Size {
+        /// The size recorded.
+        bytes: u64,
+        /// Whether the file is larger.
+        more: bool,
+    },
+    /// It has another digest.
+    #[error(transparent)]
+    Digest(Rejection),
 }
 
 #[derive(Serialize, Deserialize)]
@@ -198,6 +223,45 @@ impl Store {
         &self.state.recovery
     }
 
+    /// What the ledger says of a completed material; the log may say something else where either
+    /// was changed by hand.
+    pub fn completion_in_ledger(&self, material: u32) -> Result<Option<Completion>, StoreError> {
+        Ok(self.state.ledger.completion(material)?)
+    }
+
+    /// Puts images and completions into the store, durably, in the order of a commit: images first,
+    /// then the log, then the ledger. What was there of the same name is replaced. Whoever calls
+    /// has checked them.
+    pub fn put(
+        &mut self,
+        completions: &[Completion],
+        images: &[(Digest, Vec<u8>)],
+    ) -> Result<(), StoreError> {
+        let staged = images
+            .iter()
+            .map(|(digest, bytes)| self.blobs.stage(*digest, bytes))
+            .collect::<Result<Vec<_>, FileError>>()?;
+        self.blobs.publish(staged.iter())?;
+        if completions.is_empty() {
+            return Ok(());
+        }
+        self.state.log.append(completions)?;
+        let changes: Vec<Change> = completions
+            .iter()
+            .map(|completion| Change {
+                material: completion.material,
+                record: JobRecord {
+                    state: JobState::Completed {
+                        fingerprint: completion.fingerprint(),
+                    },
+                    ..JobRecord::default()
+                },
+            })
+            .collect();
+        self.state.ledger.apply(&changes, completions)?;
+        Ok(self.state.ledger.sync()?)
+    }
+
     pub(crate) fn into_parts(self) -> (Blobs, Recovered, File) {
         (self.blobs, self.state, self.lock)
     }
@@ -247,11 +311,19 @@ impl ReadOnlyStore {
     }
 
     /// A material's completion, if it is complete.
-    pub fn completion(&self, material: u32) -> Result<Option<crate::Completion>, FileError> {
+    pub fn completion(&self, material: u32) -> Result<Option<Completion>, FileError> {
         match &self.completions {
             Some(completions) => completions.get(material),
             None => Ok(None),
         }
+    }
+
+    /// Whether a material is complete, as far as its line of the log was whole when the store was
+    /// opened. Reads nothing.
+    pub fn is_complete(&self, material: u32) -> bool {
+        self.completions
+            .as_ref()
+            .is_some_and(|completions| completions.contains(material))
     }
 
     /// How many of the specification's materials are not complete.
@@ -267,6 +339,33 @@ impl ReadOnlyStore {
         self.completions
             .as_ref()
             .map_or(0, |completions| completions.bad_line_count)
+    }
+
+    /// The completed materials, in order, those too that nobody wants any more.
+    pub fn materials_complete(&self) -> impl Iterator<Item = u32> {
+        self.completions.iter().flat_map(Completions::materials)
+    }
+
+    /// Reads an image as it was completed, and checks its size and digest.
+    ///
+    /// # Errors
+    /// Says what is wrong with its file.
+    pub fn read_image(&self, image: &CompletedView) -> Result<Vec<u8>, ImageFault> {
+        let bytes = self
+            .blobs
+            .read(&image.digest, image.bytes)
+            .map_err(|error| match error.source.kind() {
+                io::ErrorKind::NotFound => ImageFault::Missing,
+                _ => ImageFault::Unreadable(error.source.to_string()),
+            })?;
+        if bytes.len() as u64 != image.bytes {
+            return Err(ImageFault::Size {
+                bytes: image.bytes,
+                more: bytes.len() as u64 > image.bytes,
+            });
+        }
+        check_digest(&bytes, image.digest).map_err(ImageFault::Digest)?;
+        Ok(bytes)
     }
 
     /// Where an image is.

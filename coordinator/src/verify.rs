@@ -1,16 +1,19 @@
 //! Checking a store: every material complete, every image present, intact, and what it says it is.
 //!
-//! Reads only, and reads everything: digests are computed anew and every pixel is decoded.
+//! Reads only, and reads everything: digests are computed anew, every pixel is decoded, every
+//! material's parameters are worked out from the seed. With a renderer a share of the images is
+//! rendered again, byte for byte, and a black image is a fault where light must arrive.
 
 use crate::{
-    acceptance::{check_digest, check_identity, expected_headers, inspect},
+    acceptance::{Rejection, check_identity, decode, expected_headers},
     file_error::FileError,
-    store::ReadOnlyStore,
+    garbage,
+    store::{ImageFault, ReadOnlyStore},
 };
-use dataset::{CompletedView, ImageHeader};
+use dataset::{CompletedView, Digest, ErrorStatistics, ImageHeader};
+use serde::Serialize;
 use std::{
     fmt,
-    io::ErrorKind,
     path::PathBuf,
     sync::{
         Mutex, PoisonError,
@@ -19,8 +22,101 @@ use std::{
     thread,
 };
 
+/// Unnamed files that a report lists.
+const UNNAMED_LISTED_MAX: usize = 1000;
+
+/// Whoever can render the images of the store's specification again. A coordinator has no renderer;
+/// the command lends one.
+pub trait Rerender: Sync {
+    /// Renders a view of a material of the set.
+    ///
+    /// # Errors
+    /// Says why it cannot.
+    fn render(&self, material: u32, view: u32) -> Result<Rerendered, String>;
+
+    /// Whether some pixel of an image cannot be black. False where it may be, or is not known.
+    fn must_be_lit(&self, material: u32, view: u32) -> bool;
+}
+
+/// An image that was rendered again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rerendered {
+    /// The EXR file.
+    pub bytes: Vec<u8>,
+    /// Its error and cost.
+    pub statistics: ErrorStatistics,
+}
+
+/// What is checked, and how.
+#[derive(Clone, Copy)]
+pub struct Checks<'a> {
+    /// Materials from 0 to one less.
+    pub materials: u32,
+    /// Threads that read, at least one.
+    pub threads: usize,
+    /// Who renders again, and knows where light must arrive.
+    pub renderer: Option<&'a dyn Rerender>,
+    /// The share of images that is rendered again, 0 to 1.
+    pub rerender_share: f64,
+    /// Chooses which: the same seed, the same images.
+    pub rerender_seed: u64,
+}
+
+impl Checks<'_> {
+    /// The checks of the first `materials` that need no renderer, with so many threads.
+    pub fn without_renderer(materials: u32, threads: usize) -> Self {
+        Self {
+            materials,
+            threads,
+            renderer: None,
+            rerender_share: 0.0,
+            rerender_seed: 0,
+        }
+    }
+}
+
+/// In which way something is not as it should be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FaultKind {
+    /// The material is not complete, or its record cannot be read.
+    Incomplete,
+    /// The material has another number of views than the specification.
+    Views,
+    /// The image's file is absent.
+    Missing,
+    /// The image's file cannot be read.
+    Unreadable,
+    /// The file has another size than is recorded.
+    Size,
+    /// The file has another digest than is recorded.
+    Digest,
+    /// The file is what is recorded, but no image of the dataset.
+    Format,
+    /// A pixel is not finite, or negative.
+    Pixel,
+    /// It is another image of this dataset or of another.
+    Identity,
+    /// It is black, and light must arrive.
+    Black,
+    /// It renders again to other bytes.
+    Rerender,
+    /// It renders again to the same bytes, but with another error than is recorded.
+    Statistics,
+}
+
+impl FaultKind {
+    /// Whether the recorded file itself is no image of the dataset, so that the record is wrong.
+    pub fn condemns_the_record(self) -> bool {
+        matches!(
+            self,
+            Self::Format | Self::Pixel | Self::Identity | Self::Black | Self::Statistics
+        )
+    }
+}
+
 /// Something that is not as it should be.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 pub struct Fault {
     /// The material's index.
     pub material: u32,
@@ -28,12 +124,14 @@ pub struct Fault {
     pub view: Option<u32>,
     /// The file, where it is one.
     pub path: Option<PathBuf>,
+    /// In which way.
+    pub kind: FaultKind,
     /// What is wrong.
     pub what: String,
 }
 
 /// What a check found.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Report {
     /// Materials that were to be checked.
     pub materials: u32,
@@ -41,10 +139,17 @@ pub struct Report {
     pub images_sound: u64,
     /// Bytes of them.
     pub bytes_sound: u64,
+    /// Images that were rendered again.
+    pub images_rerendered: u64,
     /// All faults, by material and view.
     pub faults: Vec<Fault>,
     /// Damaged lines of the completion log.
     pub log_lines_damaged: u64,
+    /// Files among the images that no completed material names, the first of them. A coordinator at
+    /// work may be about to name them; they are no fault.
+    pub unnamed: Vec<PathBuf>,
+    /// How many of those there are.
+    pub unnamed_count: u64,
 }
 
 impl Report {
@@ -67,57 +172,75 @@ impl fmt::Display for Fault {
     }
 }
 
-/// Checks the first `materials` of a store with `threads` threads, at least one. `progress` is
-/// told, from any of them, how many images have been looked at.
+/// Checks a store. `progress` is told, from any thread, how many images have been looked at.
+///
+/// # Errors
+/// When the folders of images cannot be listed; what is wrong with single images is reported.
 pub fn verify(
     store: &ReadOnlyStore,
-    materials: u32,
-    threads: usize,
+    checks: &Checks<'_>,
     progress: &(dyn Fn(u64) + Sync),
-) -> Report {
+) -> Result<Report, FileError> {
     let next = AtomicU32::new(0);
     let looked_at = AtomicU64::new(0);
+    let unnamed = garbage::unnamed(store)?;
     let report = Mutex::new(Report {
-        materials,
+        materials: checks.materials,
         log_lines_damaged: store.log_lines_damaged(),
+        unnamed_count: unnamed.len() as u64,
+        unnamed: unnamed
+            .into_iter()
+            .take(UNNAMED_LISTED_MAX)
+            .map(|file| file.path)
+            .collect(),
         ..Report::default()
     });
     let work = || {
         loop {
             let material = next.fetch_add(1, Ordering::Relaxed);
-            if material >= materials {
+            if material >= checks.materials {
                 return;
             }
-            let found = verify_material(store, material);
+            let found = verify_material(store, material, checks);
             let views = store.specification().views.len() as u64;
             progress(looked_at.fetch_add(views, Ordering::Relaxed) + views);
             let mut report = report.lock().unwrap_or_else(PoisonError::into_inner);
             report.images_sound += found.images_sound;
             report.bytes_sound += found.bytes_sound;
+            report.images_rerendered += found.images_rerendered;
             report.faults.extend(found.faults);
         }
     };
     thread::scope(|scope| {
-        for _ in 1..threads {
+        for _ in 1..checks.threads {
             scope.spawn(work);
         }
         work();
     });
     let mut report = report.into_inner().unwrap_or_else(PoisonError::into_inner);
     report.faults.sort();
-    report
+    Ok(report)
 }
 
-fn verify_material(store: &ReadOnlyStore, material: u32) -> Report {
+fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) -> Report {
     let mut report = Report::default();
+    let whole = |kind, what: String| Fault {
+        material,
+        view: None,
+        path: None,
+        kind,
+        what,
+    };
     let completion = match store.completion(material) {
         Ok(Some(completion)) => completion,
         Ok(None) => {
-            report.faults.push(whole(material, "it is not complete"));
+            let what = "it is not complete".to_owned();
+            report.faults.push(whole(FaultKind::Incomplete, what));
             return report;
         }
         Err(error) => {
-            report.faults.push(whole(material, error));
+            let what = error.to_string();
+            report.faults.push(whole(FaultKind::Incomplete, what));
             return report;
         }
     };
@@ -126,19 +249,29 @@ fn verify_material(store: &ReadOnlyStore, material: u32) -> Report {
     if completion.views.len() != expected.len() {
         let (found, expected) = (completion.views.len(), expected.len());
         let what = format!("it was completed with {found} views, and has {expected}");
-        report.faults.push(whole(material, what));
+        report.faults.push(whole(FaultKind::Views, what));
         return report;
     }
     for (view, header) in completion.views.iter().zip(&expected) {
-        match verify_image(store, view, header) {
+        let again = is_chosen(checks, material, header.view);
+        report.images_rerendered += u64::from(again);
+        let checked = verify_image(store, view, header).and_then(|lit| {
+            check_light(checks, material, header.view, lit)?;
+            match checks.renderer {
+                Some(renderer) if again => render_again(renderer, material, header.view, view),
+                _ => Ok(()),
+            }
+        });
+        match checked {
             Ok(()) => {
                 report.images_sound += 1;
                 report.bytes_sound += view.bytes;
             }
-            Err(what) => report.faults.push(Fault {
+            Err((kind, what)) => report.faults.push(Fault {
                 material,
                 view: Some(header.view),
                 path: Some(store.image_path(&view.digest)),
+                kind,
                 what,
             }),
         }
@@ -146,37 +279,85 @@ fn verify_material(store: &ReadOnlyStore, material: u32) -> Report {
     report
 }
 
+/// Checks an image without a renderer and returns whether any of its pixels is lit.
 fn verify_image(
     store: &ReadOnlyStore,
     view: &CompletedView,
     expected: &ImageHeader,
-) -> Result<(), String> {
-    let bytes = match store.blobs.read(&view.digest, view.bytes) {
-        Ok(bytes) => bytes,
-        Err(FileError { source, .. }) if source.kind() == ErrorKind::NotFound => {
-            return Err("the image is missing".to_owned());
-        }
-        Err(FileError { source, .. }) => return Err(format!("it cannot be read: {source}")),
-    };
-    if bytes.len() as u64 != view.bytes {
-        let more = if bytes.len() as u64 > view.bytes {
-            "more"
-        } else {
-            "fewer"
+) -> Result<bool, (FaultKind, String)> {
+    let bytes = store.read_image(view).map_err(|fault| {
+        let kind = match fault {
+            ImageFault::Missing => FaultKind::Missing,
+            ImageFault::Unreadable(_) => FaultKind::Unreadable,
+            ImageFault::Size { .. } => FaultKind::Size,
+            ImageFault::Digest(_) => FaultKind::Digest,
         };
-        return Err(format!("it has {more} than its {} bytes", view.bytes));
-    }
-    check_digest(&bytes, view.digest)
-        .and_then(|()| inspect(&bytes, &store.specification().image))
-        .and_then(|header| check_identity(&header, expected))
-        .map_err(|rejection| rejection.to_string())
+        (kind, fault.to_string())
+    })?;
+    let decoded = decode(&bytes, &store.specification().image)
+        .and_then(|decoded| check_identity(&decoded.header, expected).map(|()| decoded))
+        .map_err(|rejection| {
+            let kind = match rejection {
+                Rejection::Pixel { .. } => FaultKind::Pixel,
+                Rejection::Identity { .. } => FaultKind::Identity,
+                _ => FaultKind::Format,
+            };
+            (kind, rejection.to_string())
+        })?;
+    Ok(decoded.pixels.iter().any(|pixel| *pixel != [0.0; 3]))
 }
 
-fn whole(material: u32, what: impl ToString) -> Fault {
-    Fault {
-        material,
-        view: None,
-        path: None,
-        what: what.to_string(),
+fn check_light(
+    checks: &Checks<'_>,
+    material: u32,
+    view: u32,
+    lit: bool,
+) -> Result<(), (FaultKind, String)> {
+    let must_be = |renderer: &dyn Rerender| renderer.must_be_lit(material, view);
+    if lit || !checks.renderer.is_some_and(must_be) {
+        return Ok(());
     }
+    let what = "all of it is black, and light must arrive".to_owned();
+    Err((FaultKind::Black, what))
+}
+
+/// Whether an image is of the share that is rendered again.
+fn is_chosen(checks: &Checks<'_>, material: u32, view: u32) -> bool {
+    if checks.renderer.is_none() || checks.rerender_share <= 0.0 {
+        return false;
+    }
+    let mut key = checks.rerender_seed.to_le_bytes().to_vec();
+    key.extend(material.to_le_bytes());
+    key.extend(view.to_le_bytes());
+    let digest = Digest::of(&key);
+    let [a, b, c, d, ..] = *digest.as_bytes();
+    let place = f64::from(u32::from_le_bytes([a, b, c, d])) / f64::from(u32::MAX);
+    place <= checks.rerender_share
+}
+
+fn render_again(
+    renderer: &dyn Rerender,
+    material: u32,
+    view: u32,
+    done: &CompletedView,
+) -> Result<(), (FaultKind, String)> {
+    let again = renderer.render(material, view).map_err(|error| {
+        (
+            FaultKind::Rerender,
+            format!("it cannot be rendered: {error}"),
+        )
+    })?;
+    let digest = Digest::of(&again.bytes);
+    if digest != done.digest {
+        let what = format!("it renders again to the digest {digest}");
+        return Err((FaultKind::Rerender, what));
+    }
+    if again.statistics != done.statistics {
+        let what = format!(
+            "its recorded error is {:?}, and it renders again with {:?}",
+            done.statistics, again.statistics
+        );
+        return Err((FaultKind::Statistics, what));
+    }
+    Ok(())
 }

@@ -4,7 +4,7 @@ use super::StoreOptions;
 use crate::plural::count;
 use clap::{Args, Subcommand, ValueEnum};
 use coordinator::ReadOnlyStore;
-use coordinator::export::{self, export};
+use export::manifest::{self, export};
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -45,15 +45,15 @@ enum Format {
 
 /// Writes the manifest.
 pub fn execute(Command::Export(options): &Command) -> anyhow::Result<()> {
-    let (format, name) = match options.format {
-        Format::Jsonl => (export::Format::Jsonl, "manifest.jsonl"),
-        Format::Csv => (export::Format::Csv, "manifest.csv"),
-        Format::Parquet => (export::Format::Parquet, "manifest.parquet"),
+    let format = match options.format {
+        Format::Jsonl => manifest::Format::Jsonl,
+        Format::Csv => manifest::Format::Csv,
+        Format::Parquet => manifest::Format::Parquet,
     };
     let store = ReadOnlyStore::open(&options.store.store)?;
     let path = match &options.out {
         Some(path) => path.clone(),
-        None => store.path().join(name),
+        None => store.path().join(format!("manifest.{}", format.ending())),
     };
     let exported = export(&store, format, options.partial, &path)?;
     let mut out = io::stdout();

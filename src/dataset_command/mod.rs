@@ -1,8 +1,15 @@
 //! `brdfarm dataset`: what is done with a store once it is there.
 
+mod diff;
+mod export;
+mod gc;
+mod import;
 mod manifest;
+mod repair;
+mod rerender;
 pub mod show;
 mod specification;
+mod stats;
 pub mod verify;
 
 use clap::{Args, Subcommand};
@@ -14,7 +21,13 @@ pub enum Command {
     /// Take out the labels, a row an image
     #[command(subcommand)]
     Manifest(manifest::Command),
+    Export(export::Options),
     Verify(verify::Options),
+    Repair(repair::Options),
+    Gc(gc::Options),
+    Import(import::Options),
+    Diff(diff::Options),
+    Stats(stats::Options),
     Show(show::Options),
     Specification(specification::Options),
 }
@@ -31,7 +44,13 @@ pub struct StoreOptions {
 pub fn execute(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::Manifest(command) => manifest::execute(command),
+        Command::Export(options) => export::execute(options),
         Command::Verify(options) => verify::execute(options),
+        Command::Repair(options) => repair::execute(options),
+        Command::Gc(options) => gc::execute(options),
+        Command::Import(options) => import::execute(options),
+        Command::Diff(options) => diff::execute(options),
+        Command::Stats(options) => stats::execute(options),
         Command::Show(options) => show::execute(options),
         Command::Specification(options) => specification::execute(options),
     }

@@ -63,6 +63,16 @@ pub fn write_sheet(
     exposure_stops: f64,
     path: &Path,
 ) -> anyhow::Result<()> {
+    output::write(path, &sheet(store, materials, views, exposure_stops)?)
+}
+
+/// Such a sheet as PNG.
+pub fn sheet(
+    store: &ReadOnlyStore,
+    materials: &[u32],
+    views: &[u32],
+    exposure_stops: f64,
+) -> anyhow::Result<Vec<u8>> {
     let image = &store.specification().image;
     let mut sheet = ContactSheet::new(
         materials,
@@ -89,5 +99,5 @@ pub fn write_sheet(
             sheet.place(row, column, &decode_exr(&bytes)?);
         }
     }
-    output::write(path, &sheet.finish()?)
+    sheet.finish()
 }

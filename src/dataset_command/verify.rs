@@ -1,11 +1,18 @@
 //! `brdfarm dataset verify`.
 
-use super::StoreOptions;
+use super::{StoreOptions, rerender::Again};
+use crate::failure::BadInput;
 use crate::plural::count;
-use crate::{cores, progress};
+use crate::{cores, output, progress};
 use clap::Args;
-use coordinator::{ReadOnlyStore, verify::verify};
+use coordinator::verify::{Checks, Fault, Report, verify};
+use coordinator::{FileError, ReadOnlyStore};
+use export::manifest::check::{RowFault, check_manifest};
+use renderer::geometry::BackendChoice;
+use serde::Serialize;
+use std::hash::{BuildHasher, RandomState};
 use std::io::{self, Write};
+use std::path::PathBuf;
 
 /// Faults that are listed.
 const FAULTS_SHOWN_MAX: usize = 100;
@@ -13,44 +20,170 @@ const FAULTS_SHOWN_MAX: usize = 100;
 /// Check every image: present, intact, finite, and what it says it is
 ///
 /// Reads every image of a store: computes its digest, decodes it, and compares what it says of
-/// itself with what the specification and the ledger say. Changes nothing.
+/// itself with what the specification and the ledger say; works the parameters out from the seed;
+/// faults images that are black where light must arrive. Changes nothing.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Threads to read with; 0 takes one a core
+    #[command(flatten)]
+    checks: CheckOptions,
+    /// Compare the rows of a manifest with the store too
+    #[arg(long, value_name = "FILE")]
+    manifest: Option<PathBuf>,
+    /// Write what was found as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+/// How a store is checked.
+#[derive(Debug, Args)]
+pub struct CheckOptions {
+    /// Render so much of the images again, chosen by chance, and compare them byte for byte
+    #[arg(long, default_value = "0%", value_name = "P%", value_parser = parse_share)]
+    rerender: f64,
+    /// Chooses the images that are rendered again [default: by chance, and told]
+    #[arg(long, value_name = "SEED")]
+    rerender_seed: Option<u64>,
+    /// What traces the rays of images that are rendered again; the images are the same
+    #[arg(long, default_value = "auto")]
+    backend: BackendChoice,
+    /// Threads; 0 takes one a core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
 }
 
+/// What is written for machines.
+#[derive(Serialize)]
+struct FullReport<'a> {
+    sound: bool,
+    rerender_seed: u64,
+    #[serde(flatten)]
+    store: &'a Report,
+    manifest_faults: &'a [RowFault],
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    text.strip_suffix('%')
+        .and_then(|number| number.parse().ok())
+        .filter(|percent| (0.0..=100.0).contains(percent))
+        .map(|percent: f64| percent / 100.0)
+        .ok_or_else(|| "a share is 0% to 100%".to_owned())
+}
+
+impl CheckOptions {
+    /// The checks of a whole store.
+    pub fn checks<'a>(&self, store: &ReadOnlyStore, renderer: &'a Again) -> Checks<'a> {
+        Checks {
+            materials: store.specification().materials,
+            threads: cores::count(self.threads),
+            renderer: Some(renderer),
+            rerender_share: self.rerender,
+            // A hasher's keys are the standard library's chance.
+            rerender_seed: self
+                .rerender_seed
+                .unwrap_or_else(|| RandomState::new().hash_one(0)),
+        }
+    }
+
+    /// A renderer for a store.
+    pub fn renderer(&self, store: &ReadOnlyStore) -> anyhow::Result<Again> {
+        Again::new(store.specification(), self.backend)
+    }
+}
+
 /// Checks a store.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(&options.store.store)?;
-    let materials = store.specification().materials;
-    check(&store, materials, cores::count(options.threads))
+    let renderer = options.checks.renderer(&store)?;
+    let checks = options.checks.checks(&store, &renderer);
+    let report = look(&store, &checks)?;
+    let rows = match &options.manifest {
+        Some(path) => check_manifest(&store, path).map_err(|error| BadInput(error.to_string()))?,
+        None => Vec::new(),
+    };
+    if let Some(path) = &options.report {
+        let full = FullReport {
+            sound: report.is_sound() && rows.is_empty(),
+            rerender_seed: checks.rerender_seed,
+            store: &report,
+            manifest_faults: &rows,
+        };
+        let mut json = serde_json::to_vec_pretty(&full)?;
+        json.push(b'\n');
+        output::write(path, &json)?;
+    }
+    let mut out = io::stdout();
+    let outcome = tell(&store, &report, &mut out);
+    for fault in rows.iter().take(FAULTS_SHOWN_MAX) {
+        writeln!(out, "{fault}")?;
+    }
+    if report.images_rerendered > 0 {
+        let images = count(report.images_rerendered, "image");
+        writeln!(
+            out,
+            "rendered {images} again, chosen with seed {}",
+            checks.rerender_seed
+        )?;
+    }
+    outcome?;
+    anyhow::ensure!(
+        rows.is_empty(),
+        "{} in the manifest",
+        count(rows.len() as u64, "fault")
+    );
+    Ok(())
 }
 
 /// Checks the first `materials` of a store with so many threads and says what was found; faults
 /// are an error.
 pub fn check(store: &ReadOnlyStore, materials: u32, threads: usize) -> anyhow::Result<()> {
-    let images = u64::from(materials) * store.specification().views.len() as u64;
+    let renderer = Again::new(store.specification(), BackendChoice::Auto)?;
+    let checks = Checks {
+        materials,
+        threads,
+        renderer: Some(&renderer),
+        rerender_share: 0.0,
+        rerender_seed: 0,
+    };
+    tell(store, &look(store, &checks)?, &mut io::stdout())
+}
+
+fn look(store: &ReadOnlyStore, checks: &Checks<'_>) -> Result<Report, FileError> {
+    let images = u64::from(checks.materials) * store.specification().views.len() as u64;
     let bar = progress::bar(images, "images checked");
-    let report = verify(store, materials, threads, &|looked_at| {
-        bar.set_position(looked_at)
-    });
+    let report = verify(store, checks, &|looked_at| bar.set_position(looked_at));
     bar.finish_and_clear();
-    let mut out = io::stdout();
-    for fault in report.faults.iter().take(FAULTS_SHOWN_MAX) {
+    report
+}
+
+/// Lists faults, as many as a person reads.
+pub fn list(faults: &[Fault], out: &mut impl Write) -> io::Result<()> {
+    for fault in faults.iter().take(FAULTS_SHOWN_MAX) {
         writeln!(out, "{fault}")?;
     }
-    if report.faults.len() > FAULTS_SHOWN_MAX {
-        writeln!(out, "and {} more", report.faults.len() - FAULTS_SHOWN_MAX)?;
+    if faults.len() > FAULTS_SHOWN_MAX {
+        writeln!(out, "and {} more", faults.len() - FAULTS_SHOWN_MAX)?;
     }
+    Ok(())
+}
+
+/// Says what was found; faults are an error.
+fn tell(store: &ReadOnlyStore, report: &Report, out: &mut impl Write) -> anyhow::Result<()> {
+    list(&report.faults, out)?;
     if report.log_lines_damaged > 0 {
         let lines = count(report.log_lines_damaged, "line");
         writeln!(out, "completions.log: {lines} damaged")?;
     }
+    for path in report.unnamed.iter().take(FAULTS_SHOWN_MAX) {
+        writeln!(out, "{}: no material names it", path.display())?;
+    }
+    if report.unnamed_count > FAULTS_SHOWN_MAX as u64 {
+        let more = report.unnamed_count - FAULTS_SHOWN_MAX as u64;
+        writeln!(out, "and {more} more that no material names")?;
+    }
+    let images = u64::from(report.materials) * store.specification().views.len() as u64;
     anyhow::ensure!(
         report.is_sound(),
         "{}; {} of {} sound",

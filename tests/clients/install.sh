@@ -30,6 +30,6 @@ fi
 [[ "$(cat "$stamp" 2>/dev/null || true)" == "$wanted" ]] && exit 0
 rm -rf "$directory"
 mkdir -p "$directory"
-python3 -m pip --disable-pip-version-check --quiet install --root-user-action=ignore \
-  --require-hashes --only-binary=:all: --target "$directory" --requirement "$requirements"
+python3 -m pip --disable-pip-version-check --quiet install --root-user-action=ignore --no-warn-conflicts \
+  --require-hashes --only-binary=:all: --no-binary=jsonpath-rw --target "$directory" --requirement "$requirements"
 echo "$wanted" >"$stamp"

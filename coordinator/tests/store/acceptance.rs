@@ -1,5 +1,7 @@
 use crate::cheap_image::{Cheap, cheap_image, small_specification};
-use coordinator::acceptance::{Rejection, check_digest, check_identity, expected_headers, inspect};
+use coordinator::acceptance::{
+    Rejection, check_digest, check_identity, decode, expected_headers, inspect,
+};
 use dataset::{Digest, specification::Pixel};
 use exr::prelude::{Blocks, Compression, LineOrder, Vec2};
 
@@ -13,6 +15,18 @@ fn images_as_the_renderer_writes_them_are_accepted() {
         let header = inspect(&bytes, &specification.image).unwrap();
         let expected = expected_headers(&specification, specification.hash(), 4);
         check_identity(&header, &expected[2]).unwrap();
+
+        let decoded = decode(&bytes, &specification.image).unwrap();
+        assert_eq!(decoded.header, header);
+        // Levels are 1, 1/2 and 1/3 of the value in channels B, G and R, rising along the line.
+        let level = 1.0 + 4.0 + 2.0 / 16.0;
+        assert_eq!(decoded.pixels.len(), 16 * 20);
+        for (place, [red, green, blue]) in decoded.pixels.iter().enumerate() {
+            let expected = level * (place % 16) as f32;
+            assert!((blue - expected).abs() <= 1e-3 * expected, "{place}");
+            assert!((green - expected / 2.0).abs() <= 1e-3 * expected, "{place}");
+            assert!((red - expected / 3.0).abs() <= 1e-3 * expected, "{place}");
+        }
     }
 }
 

@@ -40,14 +40,14 @@ pub fn make_store(
     drop(Store::open_or_create(path, specification).unwrap());
     let blobs = Blobs::new(path);
     let (mut log, _) = CompletionLog::open(&path.join("completions.log")).unwrap();
+    let (mut staged, mut completions) = (Vec::new(), Vec::new());
     for material in materials {
         let (completion, images) = completion(specification, material);
-        let staged: Vec<_> = images
-            .iter()
-            .zip(&completion.views)
-            .map(|(bytes, view)| blobs.stage(view.digest, bytes).unwrap())
-            .collect();
-        blobs.publish(staged.iter()).unwrap();
-        log.append([&completion]).unwrap();
+        for (bytes, view) in images.iter().zip(&completion.views) {
+            staged.push(blobs.stage(view.digest, bytes).unwrap());
+        }
+        completions.push(completion);
     }
+    blobs.publish(staged.iter()).unwrap();
+    log.append(&completions).unwrap();
 }

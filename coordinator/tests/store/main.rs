@@ -1,11 +1,12 @@
 //! Stores without a network: what is accepted as an image, what a damaged store recovers, what
-//! `verify` finds, what `export` writes.
+//! `verify` finds, what `repair` mends.
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
 mod acceptance;
 mod cheap_image;
+mod cheap_renderer;
 mod complete_store;
-mod export;
 mod recovery;
+mod repair;
 mod verify;

@@ -1,5 +1,6 @@
 use crate::{
     cheap_image::{cheap_image, small_specification},
+    cheap_renderer::checks,
     complete_store::{completion, make_store},
 };
 use coordinator::{
@@ -14,7 +15,12 @@ use std::{
 
 fn check(path: &Path) -> Report {
     let store = ReadOnlyStore::open(path).unwrap();
-    verify(&store, store.specification().materials, 2, &|_| ())
+    verify(
+        &store,
+        &checks(store.specification().materials, None),
+        &|_| (),
+    )
+    .unwrap()
 }
 
 #[test]
@@ -24,9 +30,10 @@ fn every_kind_of_damage_is_found_where_it_is() {
     make_store(folder.path(), &specification, 0..8);
     let looked_at = AtomicU64::new(0);
     let store = ReadOnlyStore::open(folder.path()).unwrap();
-    let report = verify(&store, 8, 2, &|images| {
+    let report = verify(&store, &checks(8, None), &|images| {
         looked_at.fetch_max(images, Ordering::Relaxed);
-    });
+    })
+    .unwrap();
     assert_eq!(report.faults, []);
     assert_eq!(report.images_sound, 24);
     assert_eq!(looked_at.into_inner(), 24);

@@ -88,7 +88,8 @@ pub(super) static COLUMNS: [Column; 49] = [
         "path",
         Kind::Text,
         "",
-        "The image's file, relative to the store.",
+        "The file that holds the image, relative to the store or the export; a shard's members and \
+         rows are named by material and view.",
         |i| text(blob_path(&i.done.digest)),
     ),
     column(
@@ -321,7 +322,7 @@ pub(super) static COLUMNS: [Column; 49] = [
         Kind::F64List(9),
         "",
         "3 x 3 homography from film pixels (column, row; top left corner 0, 0) to the sample \
-         (u, v in 0 to 1; v up).",
+         (u, v in 0 to 1; v up): (u w, v w, w) = H (column, row, 1).",
         |i| flat(&i.geometry.sample_from_film),
     ),
     column(

@@ -6,11 +6,12 @@
 mod columns;
 
 use crate::{
-    Digest, ErrorStatistics, SampledMaterial, Specification, ViewGeometry, sobol::DIMENSIONS,
-    specification::View,
+    Digest, ErrorStatistics, ParseDigestError, SampledMaterial, Specification, ViewGeometry,
+    sobol::DIMENSIONS, specification::View,
 };
 use columns::COLUMNS;
 use serde::{Deserialize, Serialize, Serializer, ser::SerializeMap};
+use std::fmt;
 
 /// What is known of an image that is in the store.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -154,9 +155,114 @@ impl Row {
         )
     }
 
+    /// The row of these values, which were read from somewhere; `None` unless they are as many as
+    /// the [`columns`] and of their kinds.
+    pub fn from_values(values: Vec<Value>) -> Option<Self> {
+        let fits = values.len() == COLUMNS.len()
+            && COLUMNS
+                .iter()
+                .zip(&values)
+                .all(|(column, value)| column.kind == value.kind());
+        fits.then_some(Self(values))
+    }
+
+    /// The same row of an image that is kept in another file.
+    pub fn with_path(mut self, path: String) -> Self {
+        if let Some(place) = column_index("path") {
+            self.0[place] = Value::Text(path);
+        }
+        self
+    }
+
     /// The values, in the order of [`columns`] and of their kinds.
-    pub fn values(&self) -> Vec<Value> {
-        self.0.clone()
+    pub fn values(&self) -> &[Value] {
+        &self.0
+    }
+
+    /// The value of the column `name`; `None` where there is no such column.
+    pub fn value(&self, name: &str) -> Option<&Value> {
+        self.0.get(column_index(name)?)
+    }
+
+    /// The material's and the view's index.
+    pub fn image(&self) -> (u32, u32) {
+        let index = |name| match self.value(name) {
+            Some(Value::U32(index)) => *index,
+            _ => unreachable!("every row has a {name}"),
+        };
+        (index("material"), index("view"))
+    }
+
+    /// What the row says of the image's file.
+    ///
+    /// # Errors
+    /// When the digest is none; rows that were made by [`Row::new`] have one.
+    pub fn completed_view(&self) -> Result<CompletedView, ParseDigestError> {
+        let (mut digest, mut bytes) = ("", 0);
+        let mut statistics = ErrorStatistics {
+            mean: 0.0,
+            p95: 0.0,
+            max: 0.0,
+            within_target: 0.0,
+            samples: 0,
+            evaluations: 0,
+        };
+        for (column, value) in COLUMNS.iter().zip(&self.0) {
+            match (column.name, value) {
+                ("digest", Value::Text(text)) => digest = text,
+                ("bytes", Value::U64(number)) => bytes = *number,
+                ("error_mean", Value::F64(number)) => statistics.mean = *number,
+                ("error_p95", Value::F64(number)) => statistics.p95 = *number,
+                ("error_max", Value::F64(number)) => statistics.max = *number,
+                ("within_target", Value::F64(number)) => statistics.within_target = *number,
+                ("samples", Value::U64(number)) => statistics.samples = *number,
+                ("evaluations", Value::U64(number)) => statistics.evaluations = *number,
+                _ => {}
+            }
+        }
+        Ok(CompletedView {
+            digest: digest.parse()?,
+            bytes,
+            statistics,
+        })
+    }
+
+    /// The first column whose value is not `other`'s, apart from where the image is kept. Numbers
+    /// are compared bit by bit.
+    pub fn first_difference(&self, other: &Self) -> Option<&'static Column> {
+        let mut columns = COLUMNS.iter().zip(self.0.iter().zip(&other.0));
+        let different = columns
+            .find(|(column, (mine, theirs))| column.name != "path" && !same_bits(mine, theirs));
+        different.map(|(column, _)| column)
+    }
+}
+
+fn column_index(name: &str) -> Option<usize> {
+    COLUMNS.iter().position(|column| column.name == name)
+}
+
+fn same_bits(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::F64(a), Value::F64(b)) => a.to_bits() == b.to_bits(),
+        (Value::F64List(a), Value::F64List(b)) => {
+            let bits = |list: &[f64]| list.iter().map(|number| number.to_bits()).collect();
+            let (a, b): (Vec<u64>, Vec<u64>) = (bits(a), bits(b));
+            a == b
+        }
+        (a, b) => a == b,
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Text(text) => formatter.write_str(text),
+            Self::U32(number) => write!(formatter, "{number}"),
+            Self::U64(number) => write!(formatter, "{number}"),
+            Self::F64(number) => write!(formatter, "{number:?}"),
+            Self::Bool(truth) => write!(formatter, "{truth}"),
+            Self::F64List(list) => write!(formatter, "{list:?}"),
+        }
     }
 }
 
@@ -201,11 +307,45 @@ mod tests {
     #[test]
     fn values_have_the_kinds_of_their_columns() {
         for view in 0..14 {
-            let values = row(5, view).values();
+            let row = row(5, view);
+            let values = row.values();
             assert_eq!(values.len(), columns().len());
             for (column, value) in columns().iter().zip(values) {
                 assert_eq!(value.kind(), column.kind, "{}", column.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_row_tells_what_it_was_made_of() {
+        let made = row(5, 3);
+        assert_eq!(made.image(), (5, 3));
+        assert_eq!(made.completed_view().unwrap(), completed());
+        let read = Row::from_values(made.values().to_vec()).unwrap();
+        assert_eq!(read, made);
+        assert_eq!(Row::from_values(made.values()[1..].to_vec()), None);
+        let moved = read.with_path("elsewhere".to_owned());
+        assert!(moved.first_difference(&made).is_none());
+        for (place, column) in columns().iter().enumerate() {
+            if column.name == "path" {
+                continue;
+            }
+            let mut values = made.values().to_vec();
+            values[place] = match &values[place] {
+                Value::Text(text) => Value::Text(format!("{text}0")),
+                Value::U32(number) => Value::U32(number + 1),
+                Value::U64(number) => Value::U64(number ^ 1),
+                Value::F64(number) => Value::F64(number.next_up()),
+                Value::Bool(truth) => Value::Bool(!truth),
+                Value::F64List(list) => {
+                    let mut list = list.clone();
+                    list[0] = list[0].next_up();
+                    Value::F64List(list)
+                }
+            };
+            let edited = Row::from_values(values).unwrap();
+            let found = edited.first_difference(&made).map(|column| column.name);
+            assert_eq!(found, Some(column.name));
         }
     }
 
@@ -245,14 +385,14 @@ mod tests {
                 let field = &read[column.name];
                 match value {
                     Value::Text(text) => assert_eq!(field.as_str(), Some(text.as_str())),
-                    Value::U32(number) => assert_eq!(field.as_u64(), Some(number.into())),
-                    Value::U64(number) => assert_eq!(field.as_u64(), Some(number)),
-                    Value::Bool(truth) => assert_eq!(field.as_bool(), Some(truth)),
-                    Value::F64(number) => same_bits(field, number),
+                    Value::U32(number) => assert_eq!(field.as_u64(), Some((*number).into())),
+                    Value::U64(number) => assert_eq!(field.as_u64(), Some(*number)),
+                    Value::Bool(truth) => assert_eq!(field.as_bool(), Some(*truth)),
+                    Value::F64(number) => assert_bits(field, *number),
                     Value::F64List(list) => {
                         assert_eq!(field.as_array().map(Vec::len), Some(list.len()));
-                        for (place, number) in list.into_iter().enumerate() {
-                            same_bits(&field[place], number);
+                        for (place, number) in list.iter().enumerate() {
+                            assert_bits(&field[place], *number);
                         }
                     }
                 }
@@ -260,7 +400,7 @@ mod tests {
         }
     }
 
-    fn same_bits(field: &serde_json::Value, number: f64) {
+    fn assert_bits(field: &serde_json::Value, number: f64) {
         assert_eq!(field.as_f64().map(f64::to_bits), Some(number.to_bits()));
     }
 

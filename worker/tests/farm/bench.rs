@@ -1,6 +1,7 @@
 //! A store, coordinators and workers for a test.
 
 use crate::cheap_image::{cheap_image, small_specification};
+use coordinator::verify::{Checks, verify};
 use coordinator::{Coordinator, Options, Policy, ReadOnlyStore, RunningCoordinator, Store};
 use dataset::{Digest, ErrorStatistics, SampledMaterial, Specification};
 use proto::{FarmClient, client::with_deadline};
@@ -143,8 +144,8 @@ impl Bench {
     /// Every completed material's digests, in order; the store has to be sound.
     pub fn digests(&self) -> Vec<Digest> {
         let store = ReadOnlyStore::open(self.path()).unwrap();
-        let report =
-            coordinator::verify::verify(&store, store.specification().materials, 1, &|_| ());
+        let checks = Checks::without_renderer(store.specification().materials, 1);
+        let report = verify(&store, &checks, &|_| ()).unwrap();
         assert_eq!(report.faults, []);
         (0..store.specification().materials)
             .flat_map(|material| store.completion(material).unwrap().unwrap().views)

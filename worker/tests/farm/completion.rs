@@ -1,5 +1,6 @@
 use crate::bench::{Bench, cheap, slow};
-use coordinator::{ReadOnlyStore, verify::verify};
+use coordinator::ReadOnlyStore;
+use coordinator::verify::{Checks, verify};
 use renderer::geometry::BackendChoice;
 use tokio::sync::watch;
 use worker::{RenderFailure, RendererBackend, Worker};
@@ -99,7 +100,8 @@ async fn the_renderer_s_images_are_what_the_coordinator_accepts() {
     assert_eq!((summary.materials, summary.failures), (2, 0));
     coordinator.shutdown().await;
     let store = ReadOnlyStore::open(bench.path()).unwrap();
-    let report = verify(&store, store.specification().materials, 1, &|_| ());
+    let checks = Checks::without_renderer(store.specification().materials, 1);
+    let report = verify(&store, &checks, &|_| ()).unwrap();
     assert_eq!(report.faults, []);
     assert_eq!(report.images_sound, 6);
 }

@@ -6,11 +6,12 @@ use arrow_array::{
     Array, BooleanArray, FixedSizeListArray, Float64Array, RecordBatch, StringArray, UInt32Array,
     UInt64Array,
 };
-use coordinator::{
-    ReadOnlyStore,
-    export::{ExportError, Exported, Format, export},
-};
+use coordinator::ReadOnlyStore;
 use dataset::manifest::{Kind, Row, Value, columns};
+use export::{
+    ExportError,
+    manifest::{Exported, Format, export},
+};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use std::fs::{self, File};
 
@@ -79,14 +80,14 @@ fn csv_reads_back_to_the_rows() {
         for (column, value) in columns().iter().zip(row.values()) {
             let numbers = match value {
                 Value::F64List(list) => list
-                    .into_iter()
+                    .iter()
                     .enumerate()
-                    .map(|(place, number)| (format!("{}_{place}", column.name), number))
+                    .map(|(place, number)| (format!("{}_{place}", column.name), *number))
                     .collect(),
-                Value::F64(number) => vec![(column.name.to_owned(), number)],
+                Value::F64(number) => vec![(column.name.to_owned(), *number)],
                 other => {
                     let text = match other {
-                        Value::Text(text) => text,
+                        Value::Text(text) => text.clone(),
                         Value::U32(number) => number.to_string(),
                         Value::U64(number) => number.to_string(),
                         Value::Bool(truth) => truth.to_string(),
@@ -140,7 +141,7 @@ fn parquet_reads_back_to_the_rows_with_units_and_specification() {
             );
         }
     }
-    let expected: Vec<Vec<Value>> = rows.iter().map(Row::values).collect();
+    let expected: Vec<Vec<Value>> = rows.iter().map(|row| row.values().to_vec()).collect();
     assert_eq!(read, expected);
 }
 

@@ -1,7 +1,6 @@
 //! Apache Parquet. Units and descriptions are the fields' metadata; the specification is the file's.
 
-use super::{ExportError, Manifest, flush};
-use crate::store::ReadOnlyStore;
+use super::{Manifest, ManifestError, flush};
 use arrow_array::{
     ArrayRef, RecordBatch,
     builder::{
@@ -10,6 +9,7 @@ use arrow_array::{
     },
 };
 use arrow_schema::{DataType, Field, Schema};
+use coordinator::ReadOnlyStore;
 use dataset::{
     RENDERER_VERSION,
     manifest::{Column, Kind, Row, Value, columns},
@@ -28,11 +28,19 @@ const BATCH_ROWS: usize = 1024;
 /// Rows in a row group: what the encoder keeps in memory.
 const ROW_GROUP_ROWS: usize = 16 * BATCH_ROWS;
 
+/// The key of the file's metadata that holds the specification as JSON.
+pub(crate) const SPECIFICATION_KEY: &str = "brdfarm.specification";
+
 pub(super) struct Parquet<W: Write + Send> {
     writer: ArrowWriter<W>,
     schema: Arc<Schema>,
+    rows: Rows,
+}
+
+/// Rows that are collected column by column.
+pub(crate) struct Rows {
     builders: Vec<Builder>,
-    rows: usize,
+    count: usize,
 }
 
 /// Collects the values of one column.
@@ -45,66 +53,89 @@ enum Builder {
     F64List(FixedSizeListBuilder<Float64Builder>),
 }
 
+impl Rows {
+    /// None yet.
+    pub fn new() -> Self {
+        Self {
+            builders: columns().iter().map(Builder::of).collect(),
+            count: 0,
+        }
+    }
+
+    /// Adds one.
+    pub fn append(&mut self, row: &Row) {
+        for (builder, value) in self.builders.iter_mut().zip(row.values()) {
+            builder.append(value);
+        }
+        self.count += 1;
+    }
+
+    /// All columns, which begin anew.
+    pub fn finish(&mut self) -> Vec<ArrayRef> {
+        self.count = 0;
+        self.builders.iter_mut().map(Builder::finish).collect()
+    }
+}
+
+/// How Parquet of a store is written, and what its metadata say of the dataset.
+pub(crate) fn properties(store: &ReadOnlyStore) -> WriterProperties {
+    let specification = store.specification();
+    let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
+    WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
+        .set_created_by(concat!("brdfarm ", env!("CARGO_PKG_VERSION")).to_owned())
+        .set_key_value_metadata(Some(vec![
+            entry("brdfarm.dataset", specification.name.clone()),
+            entry(SPECIFICATION_KEY, specification.to_json()),
+            entry(
+                "brdfarm.specification_hash",
+                store.specification_hash().to_string(),
+            ),
+            entry("brdfarm.renderer_version", RENDERER_VERSION.to_owned()),
+        ]))
+        .build()
+}
+
 impl<W: Write + Send> Parquet<W> {
-    pub fn new(file: W, store: &ReadOnlyStore) -> Result<Self, ExportError> {
+    pub fn new(file: W, store: &ReadOnlyStore) -> Result<Self, ManifestError> {
         let schema = Arc::new(Schema::new(
             columns().iter().map(field).collect::<Vec<Field>>(),
         ));
-        let specification = store.specification();
-        let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::SNAPPY)
-            .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
-            .set_created_by(concat!("brdfarm ", env!("CARGO_PKG_VERSION")).to_owned())
-            .set_key_value_metadata(Some(vec![
-                entry("brdfarm.dataset", specification.name.clone()),
-                entry("brdfarm.specification", specification.to_json()),
-                entry(
-                    "brdfarm.specification_hash",
-                    store.specification_hash().to_string(),
-                ),
-                entry("brdfarm.renderer_version", RENDERER_VERSION.to_owned()),
-            ]))
-            .build();
+        let writer = ArrowWriter::try_new(file, Arc::clone(&schema), Some(properties(store)))?;
         Ok(Self {
-            writer: ArrowWriter::try_new(file, Arc::clone(&schema), Some(properties))?,
+            writer,
             schema,
-            builders: columns().iter().map(Builder::of).collect(),
-            rows: 0,
+            rows: Rows::new(),
         })
     }
 
-    fn write_batch(&mut self) -> Result<(), ExportError> {
-        let arrays = self.builders.iter_mut().map(Builder::finish).collect();
-        let batch = RecordBatch::try_new(Arc::clone(&self.schema), arrays)
+    fn write_batch(&mut self) -> Result<(), ManifestError> {
+        let batch = RecordBatch::try_new(Arc::clone(&self.schema), self.rows.finish())
             .map_err(|error| ParquetError::External(Box::new(error)))?;
-        self.writer.write(&batch)?;
-        self.rows = 0;
-        Ok(())
+        Ok(self.writer.write(&batch)?)
     }
 }
 
 impl<W: Write + Send> Manifest for Parquet<W> {
-    fn write(&mut self, row: &Row) -> Result<(), ExportError> {
-        for (builder, value) in self.builders.iter_mut().zip(row.values()) {
-            builder.append(value);
-        }
-        self.rows += 1;
-        if self.rows == BATCH_ROWS {
+    fn write(&mut self, row: &Row) -> Result<(), ManifestError> {
+        self.rows.append(row);
+        if self.rows.count == BATCH_ROWS {
             self.write_batch()?;
         }
         Ok(())
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), ExportError> {
-        if self.rows > 0 {
+    fn finish(mut self: Box<Self>) -> Result<(), ManifestError> {
+        if self.rows.count > 0 {
             self.write_batch()?;
         }
         flush(self.writer.into_inner()?)
     }
 }
 
-fn field(column: &Column) -> Field {
+/// A column's type, unit and description.
+pub(crate) fn field(column: &Column) -> Field {
     let kind = match column.kind {
         Kind::Text => DataType::Utf8,
         Kind::U32 => DataType::UInt32,
@@ -139,15 +170,15 @@ impl Builder {
         }
     }
 
-    fn append(&mut self, value: Value) {
+    fn append(&mut self, value: &Value) {
         match (self, value) {
             (Self::Text(builder), Value::Text(text)) => builder.append_value(text),
-            (Self::U32(builder), Value::U32(number)) => builder.append_value(number),
-            (Self::U64(builder), Value::U64(number)) => builder.append_value(number),
-            (Self::F64(builder), Value::F64(number)) => builder.append_value(number),
-            (Self::Bool(builder), Value::Bool(truth)) => builder.append_value(truth),
+            (Self::U32(builder), Value::U32(number)) => builder.append_value(*number),
+            (Self::U64(builder), Value::U64(number)) => builder.append_value(*number),
+            (Self::F64(builder), Value::F64(number)) => builder.append_value(*number),
+            (Self::Bool(builder), Value::Bool(truth)) => builder.append_value(*truth),
             (Self::F64List(builder), Value::F64List(list)) => {
-                builder.values().append_slice(&list);
+                builder.values().append_slice(list);
                 builder.append(true);
             }
             (_, value) => unreachable!("a manifest's values have their columns' kinds: {value:?}"),

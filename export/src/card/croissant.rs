@@ -1,0 +1,183 @@
+//! Croissant 1.1 metadata, JSON-LD: the manifest as a set of records, the files as distribution.
+
+use super::{CITATION, Described, FileDigest, summary};
+use crate::layout::Layout;
+use dataset::{
+    RENDERER_VERSION,
+    manifest::{Column, Kind, columns},
+};
+use serde_json::{Map, Value, json};
+
+/// The record set of images, and the file that it is read from.
+const RECORDS: &str = "images";
+const MANIFEST: &str = "manifest.parquet";
+
+/// The whole document.
+pub(super) fn metadata(described: &Described<'_>, manifest: &FileDigest) -> Value {
+    let specification = described.store.specification();
+    let publication = described.publication;
+    let mut document = json!({
+        "@context": context(),
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.1",
+        "name": specification.name,
+        "description": summary(described),
+        "license": licence(&publication.licence),
+        "version": format!("{}.0.0", RENDERER_VERSION),
+        "identifier": described.store.specification_hash().to_string(),
+        "citeAs": CITATION,
+        "isLiveDataset": false,
+        "distribution": distribution(described, manifest),
+        "recordSet": [{
+            "@type": "cr:RecordSet",
+            "@id": RECORDS,
+            "name": RECORDS,
+            "description": "One record an image.",
+            "key": [{"@id": "images/material"}, {"@id": "images/view"}],
+            "field": columns().iter().map(field).collect::<Vec<Value>>(),
+        }],
+    });
+    if let Value::Object(document) = &mut document {
+        let mut add = |key: &str, value: &Option<String>| {
+            if let Some(value) = value {
+                document.insert(key.to_owned(), json!(value));
+            }
+        };
+        add("url", &publication.url);
+        add("datePublished", &publication.date);
+        if let Some(creator) = &publication.creator {
+            let creator = json!({"@type": "sc:Organization", "name": creator});
+            document.insert("creator".to_owned(), creator);
+        }
+    }
+    document
+}
+
+fn licence(identifier: &str) -> String {
+    match identifier {
+        "unknown" | "other" => identifier.to_owned(),
+        spdx => format!("https://spdx.org/licenses/{}.html", spdx.to_uppercase()),
+    }
+}
+
+fn distribution(described: &Described<'_>, manifest: &FileDigest) -> Vec<Value> {
+    let (pattern, encoding, what) = match described.layout {
+        Layout::Files { .. } => ("*/*/*.exr", "image/x-exr", "The images."),
+        Layout::WebDataset => ("*/*.tar", "application/x-tar", "The images in tar shards."),
+        Layout::HuggingFace => (
+            "*/*.parquet",
+            "application/x-parquet",
+            "Labels and images in Parquet shards.",
+        ),
+    };
+    vec![
+        json!({
+            "@type": "cr:FileObject",
+            "@id": MANIFEST,
+            "name": MANIFEST,
+            "description": "One row an image.",
+            "contentUrl": MANIFEST,
+            "contentSize": format!("{} B", manifest.bytes),
+            "encodingFormat": "application/x-parquet",
+            "sha256": manifest.sha256,
+        }),
+        json!({
+            "@type": "cr:FileSet",
+            "@id": "image-files",
+            "name": "image-files",
+            "description": what,
+            "encodingFormat": encoding,
+            "includes": pattern,
+        }),
+    ]
+}
+
+fn field(column: &Column) -> Value {
+    let unit = match column.unit {
+        "" | "1" => String::new(),
+        unit => format!(" Unit: {unit}."),
+    };
+    let mut field = json!({
+        "@type": "cr:Field",
+        "@id": format!("{RECORDS}/{}", column.name),
+        "name": column.name,
+        "description": format!("{}{unit}", column.description),
+        "dataType": data_type(column.kind),
+        "source": {
+            "fileObject": {"@id": MANIFEST},
+            "extract": {"column": column.name},
+        },
+    });
+    if let (Kind::F64List(length), Value::Object(field)) = (column.kind, &mut field) {
+        field.insert("isArray".to_owned(), json!(true));
+        field.insert("arrayShape".to_owned(), json!(length.to_string()));
+    }
+    field
+}
+
+fn data_type(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Text => "sc:Text",
+        Kind::U32 => "cr:UInt32",
+        Kind::U64 => "cr:UInt64",
+        Kind::F64 | Kind::F64List(_) => "cr:Float64",
+        Kind::Bool => "sc:Boolean",
+    }
+}
+
+/// The context that the specification prescribes.
+fn context() -> Value {
+    let mut context = json!({
+        "@language": "en",
+        "@vocab": "https://schema.org/",
+        "cr": "http://mlcommons.org/croissant/",
+        "rai": "http://mlcommons.org/croissant/RAI/",
+        "dct": "http://purl.org/dc/terms/",
+        "sc": "https://schema.org/",
+        "conformsTo": "dct:conformsTo",
+        "data": {"@id": "cr:data", "@type": "@json"},
+        "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+        "description": {"@container": "@language"},
+        "examples": {"@id": "cr:examples", "@type": "@json"},
+        "name": {"@container": "@language"},
+    });
+    const TERMS: [&str; 29] = [
+        "arrayShape",
+        "citeAs",
+        "column",
+        "containedIn",
+        "equivalentProperty",
+        "extract",
+        "field",
+        "fileObject",
+        "fileProperty",
+        "fileSet",
+        "format",
+        "includes",
+        "isArray",
+        "isLiveDataset",
+        "jsonPath",
+        "key",
+        "md5",
+        "parentField",
+        "path",
+        "recordSet",
+        "references",
+        "regex",
+        "repeated",
+        "replace",
+        "samplingRate",
+        "separator",
+        "source",
+        "subField",
+        "transform",
+    ];
+    if let Value::Object(context) = &mut context {
+        let terms: Map<String, Value> = TERMS
+            .iter()
+            .map(|term| ((*term).to_owned(), json!(format!("cr:{term}"))))
+            .collect();
+        context.extend(terms);
+    }
+    context
+}

@@ -1,0 +1,269 @@
+//! The dataset card: a README in Markdown with the front matter that Hugging Face reads.
+
+use super::{CITATION, Described, summary};
+use crate::layout::Layout;
+use dataset::{RENDERER_VERSION, Split, specification::Pixel};
+use std::fmt::Write;
+
+/// The whole card.
+pub(super) fn text(described: &Described<'_>) -> String {
+    let mut text = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_front_matter(described, &mut text);
+    let _ = write_body(described, &mut text);
+    text
+}
+
+fn write_front_matter(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let specification = described.store.specification();
+    let images = described.chosen.images();
+    writeln!(text, "---")?;
+    writeln!(text, "license: {}", described.publication.licence)?;
+    writeln!(text, "pretty_name: {}", specification.name)?;
+    writeln!(text, "task_categories: [image-to-image, other]")?;
+    writeln!(
+        text,
+        "tags: [brdf, svbrdf, materials, rendering, inverse-rendering]"
+    )?;
+    writeln!(text, "size_categories: [{}]", size_category(images))?;
+    if described.layout == Layout::HuggingFace {
+        writeln!(text, "configs:\n- config_name: default\n  data_files:")?;
+        for split in splits(described) {
+            writeln!(text, "  - split: {split}\n    path: {split}/*.parquet")?;
+        }
+    }
+    writeln!(text, "---\n")
+}
+
+fn write_body(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let specification = described.store.specification();
+    let publication = described.publication;
+    writeln!(text, "# {}\n", specification.name)?;
+    writeln!(text, "{}\n", summary(described))?;
+    writeln!(
+        text,
+        "Rendered by brdfarm (renderer version {RENDERER_VERSION}) under the specification of \
+         hash `{}` (`specification.toml`), seed {}. Any image can be rendered again from these \
+         numbers, byte for byte.\n",
+        described.store.specification_hash(),
+        specification.seed
+    )?;
+    if let Some(creator) = &publication.creator {
+        writeln!(text, "Published by {creator}.\n")?;
+    }
+    if let Some(url) = &publication.url {
+        writeln!(text, "Home: {url}\n")?;
+    }
+    writeln!(
+        text,
+        "![Examples: a row a material, a column a view](examples.png)\n"
+    )?;
+    write_counts(described, text)?;
+    write_layout(described, text)?;
+    write_pixels(described, text)?;
+    write_geometry(described, text)?;
+    write_labels(described, text)?;
+    write_limits(described, text)?;
+    writeln!(text, "## Licence\n\n{}\n", publication.licence)?;
+    writeln!(
+        text,
+        "## Citation\n\nFor the model and the design of the dataset:\n\n```bibtex\n{CITATION}\n```"
+    )
+}
+
+/// The splits that are in the export, in order.
+fn splits(described: &Described<'_>) -> Vec<Split> {
+    let all = [Split::Train, Split::Validation, Split::Test];
+    all.into_iter()
+        .filter(|split| described.shards.iter().any(|shard| shard.split == *split))
+        .collect()
+}
+
+fn write_counts(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    writeln!(
+        text,
+        "## Counts\n\n| split | materials | images |\n| --- | --- | --- |"
+    )?;
+    let views = described.chosen.views.len();
+    for split in splits(described) {
+        let of_split = described.shards.iter().filter(|shard| shard.split == split);
+        let materials: usize = of_split.map(|shard| shard.materials.len()).sum();
+        writeln!(text, "| {split} | {materials} | {} |", materials * views)?;
+    }
+    let missing = described.chosen.materials_missing;
+    if missing > 0 {
+        writeln!(text, "\n**Incomplete: {missing} materials are missing.**")?;
+    }
+    writeln!(
+        text,
+        "\nA material is in one split with all its views: of every six consecutive materials four \
+         train, one validates and one tests.\n"
+    )
+}
+
+fn write_layout(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    writeln!(text, "## Files\n")?;
+    writeln!(
+        text,
+        "`manifest.parquet` has one row an image with every label, the view's geometry, digest \
+         (BLAKE3), size, path and measured error; each column's unit and meaning stand in its \
+         metadata.\n"
+    )?;
+    match described.layout {
+        Layout::Files { .. } => writeln!(
+            text,
+            "Images are in `SPLIT/MATERIAL/vVIEW.exr`, as in `train/000123/v05.exr`.\n"
+        )?,
+        Layout::WebDataset => writeln!(
+            text,
+            "Shards are `SPLIT/SPLIT-NUMBER.tar`. A sample is a material, its members \
+             `000123.v05.exr` and `000123.v05.json`, the row of the manifest, for each view.\n"
+        )?,
+        Layout::HuggingFace => writeln!(
+            text,
+            "`datasets.load_dataset(FOLDER)` opens it: shards are `SPLIT/SPLIT-*.parquet`, a row \
+             an image, its file in the column `exr` as bytes.\n"
+        )?,
+    }
+    for kind in described.products.kinds().iter().skip(1) {
+        let what = match kind.extension {
+            "npy" => "the pixels as a NumPy array, height x width x 3",
+            "png" => "a preview, 8-bit sRGB, clipped at white",
+            "rectified.exr" => "the sample warped to a square",
+            "rectified.npy" => "the same as a NumPy array",
+            _ => "the same as a preview",
+        };
+        let place = match described.layout {
+            Layout::HuggingFace => crate::layout::column_name(*kind),
+            Layout::Files { .. } | Layout::WebDataset => kind.extension,
+        };
+        writeln!(text, "- `{place}`: {what}")?;
+    }
+    if let Some(stops) = described.products.png_exposure_stops {
+        writeln!(text, "\nPreviews are brightened by {stops} stops.")?;
+    }
+    if let Some(side) = described.products.rectified_side {
+        writeln!(
+            text,
+            "\nRectified images are {side} x {side}, row 0 at v = 1. The filter is exact: each \
+             pixel is the mean of the film over its cell of the sample, film pixels weighted by \
+             the area of the sample that they and the cell share (so by the homography's \
+             Jacobian), divided by the share of each film pixel that the sample covers."
+        )?;
+    }
+    writeln!(text)
+}
+
+fn write_pixels(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let specification = described.store.specification();
+    let light = &specification.light;
+    let sphere_m2 = 4.0 * std::f64::consts::PI * light.distance_m * light.distance_m;
+    let white = light.power_w * light.efficacy_lm_per_w / sphere_m2 / std::f64::consts::PI;
+    let pixel = match specification.image.pixel {
+        Pixel::Half => "16-bit",
+        Pixel::Float => "32-bit",
+    };
+    let brightest = light.distance_m / light.radius_m;
+    writeln!(
+        text,
+        "## Pixels\n\nOpenEXR, channels R, G and B of {pixel} floats, ZIP. Linear Rec.709 \
+         primaries, white D65, no gamma, no exposure to guess: a value is radiance over that of a \
+         perfect white diffuser at the origin which faces the bulb, so white is 1, or {white:.1} \
+         cd/m^2 (the attribute `whiteLuminance`). Values run from 0 to {:.1}, the bulb in a \
+         mirror. Film pixels are means over their squares (a box filter).\n\nThe manifest has the \
+         error of each image as it was estimated while rendering: mean, 95th percentile, maximum, \
+         and the share of pixels (`within_target`) off by no more than {:e} or {:e} of their \
+         value.\n",
+        brightest * brightest,
+        specification.accuracy.absolute,
+        specification.accuracy.relative
+    )
+}
+
+fn write_geometry(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let specification = described.store.specification();
+    writeln!(
+        text,
+        "## Geometry\n\nMetres, right-handed; the sample is a square of side {} in z = 0 with \
+         normal +z, centred at the origin. The camera, a pinhole, stands {} away on the -y side \
+         and looks at the origin, half its film's width at unit distance is {}; the bulb, a \
+         sphere of radius {}, stands {} away on the +y side. Matrices are row-major and act on \
+         columns. `sample_from_film` takes film points (column, row, 1), continuous from the top \
+         left corner, to (u w, v w, w) on the sample.\n\n| view | camera (deg) | light (deg) | \
+         turn (deg) | chart |\n| --- | --- | --- | --- | --- |",
+        specification.sample.side_m,
+        specification.camera.distance_m,
+        specification.camera.film_half_width,
+        specification.light.radius_m,
+        specification.light.distance_m,
+    )?;
+    for &number in &described.chosen.views {
+        let Some(view) = specification.views.get(number as usize) else {
+            continue;
+        };
+        let chart = if view.checker { "yes" } else { "no" };
+        writeln!(
+            text,
+            "| {number} | {} | {} | {} | {chart} |",
+            view.camera_elevation_deg, view.light_elevation_deg, view.rotation_deg
+        )?;
+    }
+    writeln!(
+        text,
+        "\nElevations are above the sample's plane; the turn is the material's.\n"
+    )
+}
+
+fn write_labels(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let ranges = &described.store.specification().parameters;
+    writeln!(
+        text,
+        "## Labels\n\n| parameter | range |\n| --- | --- |\n| roughness R | {} to {} % |\n| \
+         anisotropy A | {} to {} |\n| anisotropy angle | {} to {} degrees |\n| index of \
+         refraction | {} to {} |\n| reflectance at 0 and at 90 degrees | all of sRGB |\n",
+        ranges.roughness[0],
+        ranges.roughness[1],
+        ranges.anisotropy[0],
+        ranges.anisotropy[1],
+        ranges.angle_deg[0],
+        ranges.angle_deg[1],
+        ranges.ior[0],
+        ranges.ior[1],
+    )?;
+    writeln!(
+        text,
+        "Materials are points of an Owen-scrambled Sobol sequence, evenly spread over the box. \
+         Colours are labelled in linear Rec.709, sRGB and CIELAB (D65); `bin_*` are the classes, \
+         100 to a parameter, that the paper's networks are trained on.\n\n![Histograms of the ten \
+         parameters](parameters.svg)\n"
+    )
+}
+
+fn write_limits(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+    let specification = described.store.specification();
+    writeln!(
+        text,
+        "## Known limits\n\n- Smooth materials are black outside the reflections of bulb and \
+         chart. That is the set-up, not a fault.\n- At anisotropy 0 the angle means nothing; near \
+         it, little.\n- Up to a roughness of 90 and with the tint `hue`, a common factor of both \
+         reflectance colours changes no image: it cannot be estimated. (This set's tint is `{}`.)\n\
+         - The paper gives no distances, turns, resolution or place of the chart: they are ours, \
+         and stand in `specification.toml`.\n- The samples are flat and homogeneous, and the \
+         surroundings black.\n",
+        match specification.tint {
+            dataset::specification::Tint::Hue => "hue",
+            dataset::specification::Tint::Product => "product",
+        }
+    )
+}
+
+/// Hugging Face's names for sizes.
+fn size_category(images: u64) -> &'static str {
+    match images {
+        0..1_000 => "n<1K",
+        1_000..10_000 => "1K<n<10K",
+        10_000..100_000 => "10K<n<100K",
+        100_000..1_000_000 => "100K<n<1M",
+        _ => "1M<n<10M",
+    }
+}

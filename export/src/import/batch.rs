@@ -1,0 +1,115 @@
+//! Materials on their way into a store: checked together, made durable together.
+
+use super::{ImportError, Wanted};
+use coordinator::{
+    Completion, Store,
+    acceptance::{check_digest, check_identity, expected_headers, inspect},
+};
+use dataset::{Digest, Specification};
+use std::{
+    sync::{Mutex, PoisonError},
+    thread,
+};
+
+/// Who imported materials are recorded as rendered by: the manifest does not say.
+const WORKER: &str = "import";
+
+/// An image with its file.
+type Image = (Wanted, Vec<u8>);
+
+/// Materials that are checked and stored together.
+#[derive(Default)]
+pub(super) struct Batch {
+    pub materials: Vec<(u32, Vec<Image>)>,
+    pub bytes: u64,
+}
+
+impl Batch {
+    pub fn images(&self) -> u64 {
+        self.materials
+            .iter()
+            .map(|(_, images)| images.len() as u64)
+            .sum()
+    }
+
+    pub fn add(&mut self, material: u32, wanted: &[Wanted], files: Vec<Vec<u8>>) {
+        self.bytes += files.iter().map(|file| file.len() as u64).sum::<u64>();
+        let images = wanted.iter().cloned().zip(files).collect();
+        self.materials.push((material, images));
+    }
+
+    /// Checks all images and makes them durable; leaves the batch empty.
+    pub fn store(
+        &mut self,
+        specification: &Specification,
+        store: &mut Store,
+        threads: usize,
+    ) -> Result<(), ImportError> {
+        self.check(specification, threads)?;
+        let mut completions = Vec::with_capacity(self.materials.len());
+        let mut images: Vec<(Digest, Vec<u8>)> = Vec::new();
+        for (material, views) in self.materials.drain(..) {
+            completions.push(Completion {
+                material,
+                views: views
+                    .iter()
+                    .map(|(wanted, _)| wanted.done.clone())
+                    .collect(),
+                seconds: 0.0,
+                worker: WORKER.to_owned(),
+            });
+            images.extend(
+                views
+                    .into_iter()
+                    .map(|(wanted, file)| (wanted.done.digest, file)),
+            );
+        }
+        self.bytes = 0;
+        Ok(store.put(&completions, &images)?)
+    }
+
+    fn check(&self, specification: &Specification, threads: usize) -> Result<(), ImportError> {
+        let share = self.materials.len().div_ceil(threads.max(1)).max(1);
+        let failure: Mutex<Option<ImportError>> = Mutex::new(None);
+        thread::scope(|scope| {
+            for part in self.materials.chunks(share) {
+                let failure = &failure;
+                scope.spawn(move || {
+                    let checked = part
+                        .iter()
+                        .try_for_each(|(material, images)| check(specification, *material, images));
+                    if let Err(error) = checked {
+                        let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
+                        failure.get_or_insert(error);
+                    }
+                });
+            }
+        });
+        let failure = failure.into_inner().unwrap_or_else(PoisonError::into_inner);
+        failure.map_or(Ok(()), Err)
+    }
+}
+
+fn check(
+    specification: &Specification,
+    material: u32,
+    images: &[Image],
+) -> Result<(), ImportError> {
+    let expected = expected_headers(specification, specification.hash(), material);
+    for ((wanted, file), header) in images.iter().zip(&expected) {
+        let wrong = |what: String| ImportError::Image {
+            path: wanted.path.clone(),
+            material,
+            view: header.view,
+            what,
+        };
+        if file.len() as u64 != wanted.done.bytes {
+            return Err(wrong(format!("it has not {} bytes", wanted.done.bytes)));
+        }
+        check_digest(file, wanted.done.digest)
+            .and_then(|()| inspect(file, &specification.image))
+            .and_then(|found| check_identity(&found, header))
+            .map_err(|rejection| wrong(rejection.to_string()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,217 @@
+//! What an export is made of, worked out before anything is written.
+
+use super::{Options, Work};
+use crate::{
+    error::ExportError,
+    file::{unable, write_bytes},
+};
+use dataset::{Digest, Split};
+use serde_json::{Value, json};
+use std::{collections::HashMap, fs, io, path::Path};
+
+/// The file that says what an export is to be.
+const PLAN_FILE: &str = "export.json";
+
+/// The largest such file that is read, bytes.
+const PLAN_BYTES_MAX: u64 = 1 << 20;
+
+/// Bytes of labels with an image in a shard, at most.
+const LABEL_BYTES: u64 = 8 << 10;
+
+/// How an export is laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// A folder for each material with a file for each view.
+    Files {
+        /// Images are hard links to the store's, which has to be on the same file system. Whoever
+        /// changes such a file changes the store.
+        links: bool,
+    },
+    /// Tar shards, a sample for each material.
+    WebDataset,
+    /// Parquet shards, a row for each image.
+    HuggingFace,
+}
+
+/// A part of an export that is there whole or not at all.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Unit {
+    /// Relative to the export: a shard, or the folder of a material.
+    pub path: String,
+    /// The split of all its materials.
+    pub split: Split,
+    /// Its materials, in order.
+    pub materials: Vec<u32>,
+    /// Its size, at most.
+    pub bytes_max: u64,
+}
+
+/// All units, and the description by which an export is known again.
+pub(super) struct Plan {
+    pub units: Vec<Unit>,
+    description: String,
+}
+
+impl Layout {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Files { .. } => "files",
+            Self::WebDataset => "webdataset",
+            Self::HuggingFace => "huggingface",
+        }
+    }
+
+    /// The file that holds an image, given the path of its unit.
+    pub(super) fn image_path(self, unit: &str, view: u32) -> String {
+        match self {
+            Self::Files { .. } => format!("{unit}/v{view:02}.exr"),
+            Self::WebDataset | Self::HuggingFace => unit.to_owned(),
+        }
+    }
+}
+
+impl Plan {
+    pub fn new(work: &Work<'_>, options: &Options) -> Result<Self, ExportError> {
+        let mut hasher = Vec::new();
+        let mut sizes = Vec::with_capacity(work.chosen.materials.len());
+        for &material in &work.chosen.materials {
+            let images = work.chosen.files_of(work.store, material)?;
+            hasher.extend(material.to_le_bytes());
+            let mut bytes = 0;
+            for (_, done) in &images {
+                hasher.extend(done.digest.as_bytes());
+                bytes += work.factory.bytes_max(done.bytes) + LABEL_BYTES;
+                if work.layout == (Layout::Files { links: true }) {
+                    bytes -= done.bytes;
+                }
+            }
+            sizes.push((material, bytes));
+        }
+        let specification = work.store.specification();
+        let by_split = [Split::Train, Split::Validation, Split::Test].map(|split| {
+            let of_split = sizes
+                .iter()
+                .filter(|(material, _)| specification.split(*material) == split);
+            (split, of_split.copied().collect::<Vec<_>>())
+        });
+        let units = by_split
+            .into_iter()
+            .flat_map(|(split, materials)| units(work.layout, split, &materials, options))
+            .collect();
+        let products = &options.products;
+        let description = json!({
+            "layout": work.layout.name(),
+            "specification": work.store.specification_hash().to_string(),
+            "renderer_version": dataset::RENDERER_VERSION,
+            "images": Digest::of(&hasher).to_string(),
+            "split": options.selection.split.map(Split::name),
+            "views": work.chosen.views,
+            "npy": products.npy,
+            "png_exposure_stops": products.png_exposure_stops,
+            "rectified_side": products.rectified_side,
+            "shard_bytes": options.shard_bytes,
+        });
+        Ok(Self {
+            units,
+            description: format!("{description:#}\n"),
+        })
+    }
+
+    /// Makes sure that a folder is empty or holds this very export, and says in it what it is.
+    pub fn claim(&self, folder: &Path) -> Result<(), ExportError> {
+        fs::create_dir_all(folder).map_err(unable("make", folder))?;
+        let path = folder.join(PLAN_FILE);
+        let occupied = |found: String| ExportError::Occupied {
+            folder: folder.to_owned(),
+            found,
+        };
+        match fs::metadata(&path) {
+            Ok(there) if there.len() <= PLAN_BYTES_MAX => {
+                let found = fs::read(&path).map_err(unable("read", &path))?;
+                if found == self.description.as_bytes() {
+                    return Ok(());
+                }
+                Err(occupied(self.difference(&found)))
+            }
+            Ok(_) => Err(occupied("another export".to_owned())),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                let mut entries = fs::read_dir(folder).map_err(unable("read", folder))?;
+                // The plan's own file may have been cut short.
+                let unfinished = format!("{PLAN_FILE}.new");
+                let other = entries.find_map(|entry| {
+                    let name = entry.ok()?.file_name();
+                    (name != *unfinished && name != "lost+found").then_some(name)
+                });
+                if let Some(name) = other {
+                    return Err(occupied(format!("{:?}", name.to_string_lossy())));
+                }
+                Ok(write_bytes(&path, self.description.as_bytes())?)
+            }
+            Err(error) => Err(unable("read", &path)(error).into()),
+        }
+    }
+
+    /// Which export it is instead.
+    fn difference(&self, found: &[u8]) -> String {
+        let parsed = |text: &[u8]| serde_json::from_slice::<Value>(text).ok();
+        let (Some(Value::Object(found)), Some(Value::Object(wanted))) =
+            (parsed(found), parsed(self.description.as_bytes()))
+        else {
+            return "another export".to_owned();
+        };
+        // Other images follow from everything else, so they are named last.
+        let mut different: Vec<_> = wanted
+            .iter()
+            .filter(|(key, value)| found.get(*key) != Some(value))
+            .collect();
+        different.sort_by_key(|(key, _)| key.as_str() == "images");
+        let different = different.first();
+        different.map_or("another export".to_owned(), |(key, value)| {
+            let found = found.get(key.as_str()).unwrap_or(&Value::Null);
+            format!("another export, of {key} {found} where {value} is wanted")
+        })
+    }
+
+    /// The path of each material's unit.
+    pub fn units_by_material(&self) -> HashMap<u32, &str> {
+        let materials = self.units.iter().flat_map(|unit| {
+            let path = unit.path.as_str();
+            unit.materials.iter().map(move |material| (*material, path))
+        });
+        materials.collect()
+    }
+}
+
+fn units(layout: Layout, split: Split, materials: &[(u32, u64)], options: &Options) -> Vec<Unit> {
+    let mut shards: Vec<Unit> = Vec::new();
+    for &(material, bytes) in materials {
+        let joins = !matches!(layout, Layout::Files { .. })
+            && shards
+                .last()
+                .is_some_and(|shard| shard.bytes_max + bytes <= options.shard_bytes);
+        match shards.last_mut() {
+            Some(shard) if joins => {
+                shard.materials.push(material);
+                shard.bytes_max += bytes;
+            }
+            _ => shards.push(Unit {
+                path: format!("{split}/{material:06}"),
+                split,
+                materials: vec![material],
+                bytes_max: bytes,
+            }),
+        }
+    }
+    let count = shards.len();
+    for (number, shard) in shards.iter_mut().enumerate() {
+        match layout {
+            Layout::Files { .. } => {}
+            Layout::WebDataset => shard.path = format!("{split}/{split}-{number:06}.tar"),
+            Layout::HuggingFace => {
+                shard.path = format!("{split}/{split}-{number:05}-of-{count:05}.parquet");
+            }
+        }
+    }
+    shards
+}

@@ -1,0 +1,127 @@
+//! Which materials and views leave.
+
+use crate::error::ExportError;
+use coordinator::ReadOnlyStore;
+use dataset::{CompletedView, Split, manifest::Row};
+
+/// What is wanted of a store.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// The views; all where there is no list. Order and repetition mean nothing.
+    pub views: Option<Vec<u32>>,
+    /// The split; all where there is none.
+    pub split: Option<Split>,
+    /// Take what is complete, where not everything is.
+    pub partial: bool,
+}
+
+/// What is there of it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Chosen {
+    /// Complete materials, in order.
+    pub materials: Vec<u32>,
+    /// Views, in order.
+    pub views: Vec<u32>,
+    /// Materials wanted that are not complete.
+    pub materials_missing: u32,
+}
+
+/// An image with its row.
+#[derive(Clone, Debug)]
+pub struct ChosenImage {
+    /// The view's index.
+    pub view: u32,
+    /// The image's file and statistics.
+    pub done: CompletedView,
+    /// Its row, with the path in the store.
+    pub row: Row,
+}
+
+impl Selection {
+    /// Looks up what a store has of it.
+    ///
+    /// # Errors
+    /// When a view does not exist, or materials are missing and a part is not enough.
+    pub fn choose(&self, store: &ReadOnlyStore) -> Result<Chosen, ExportError> {
+        let specification = store.specification();
+        let count = specification.views.len();
+        let mut views = match &self.views {
+            Some(views) => views.clone(),
+            None => (0..count as u32).collect(),
+        };
+        views.sort_unstable();
+        views.dedup();
+        if let Some(&view) = views.iter().find(|view| **view as usize >= count) {
+            return Err(ExportError::NoSuchView { view, count });
+        }
+        let wanted: Vec<u32> = (0..specification.materials)
+            .filter(|&material| {
+                self.split
+                    .is_none_or(|split| split == specification.split(material))
+            })
+            .collect();
+        let materials: Vec<u32> = wanted
+            .iter()
+            .copied()
+            .filter(|&material| store.is_complete(material))
+            .collect();
+        let materials_missing = (wanted.len() - materials.len()) as u32;
+        if materials_missing > 0 && !self.partial {
+            return Err(ExportError::Incomplete {
+                store: store.path().to_owned(),
+                missing: materials_missing,
+                materials: wanted.len() as u32,
+            });
+        }
+        Ok(Chosen {
+            materials,
+            views,
+            materials_missing,
+        })
+    }
+}
+
+impl Chosen {
+    /// How many images that are.
+    pub fn images(&self) -> u64 {
+        self.materials.len() as u64 * self.views.len() as u64
+    }
+
+    /// The files of the chosen images of one of the materials, with their views.
+    pub fn files_of(
+        &self,
+        store: &ReadOnlyStore,
+        material: u32,
+    ) -> Result<Vec<(u32, CompletedView)>, ExportError> {
+        let completion = store.completion(material)?;
+        // The line was whole when the store was opened.
+        let completion = completion.ok_or_else(|| ExportError::Image {
+            path: store.path().join("completions.log"),
+            reason: format!("the line of material {material} was damaged meanwhile"),
+        })?;
+        if completion.views.len() != store.specification().views.len() {
+            return Err(ExportError::Views(material));
+        }
+        let views = self.views.iter();
+        Ok(views
+            .map(|&view| (view, completion.views[view as usize].clone()))
+            .collect())
+    }
+
+    /// The chosen images of one of the materials.
+    pub fn images_of(
+        &self,
+        store: &ReadOnlyStore,
+        material: u32,
+    ) -> Result<Vec<ChosenImage>, ExportError> {
+        let specification = store.specification();
+        let hash = store.specification_hash();
+        let sampled = specification.material(material);
+        let images = self.files_of(store, material)?.into_iter();
+        let images = images.map(|(view, done)| {
+            let row = Row::new(specification, hash, &sampled, view, &done);
+            ChosenImage { view, done, row }
+        });
+        Ok(images.collect())
+    }
+}

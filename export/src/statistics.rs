@@ -1,0 +1,211 @@
+//! What is in a store, in numbers: counts, parameters, errors, and brightness if asked for.
+
+use crate::{
+    error::ExportError,
+    selection::{Chosen, Selection},
+};
+use coordinator::{ReadOnlyStore, acceptance::decode};
+use dataset::{Digest, RENDERER_VERSION, Split};
+use serde::Serialize;
+
+/// Below it in every channel a pixel is dark, in units of white.
+pub const DARK: f32 = 0.01;
+
+/// A whole store.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// The dataset's name.
+    pub dataset: String,
+    /// The specification's hash.
+    pub specification: Digest,
+    /// The renderer's version.
+    pub renderer_version: &'static str,
+    /// Materials wanted.
+    pub materials: u32,
+    /// Materials that are complete.
+    pub materials_complete: u32,
+    /// Images.
+    pub images: u64,
+    /// Bytes of all images.
+    pub bytes: u64,
+    /// Complete materials of each split.
+    pub splits: [(Split, u32); 3],
+    /// The ten parameters, over complete materials.
+    pub parameters: Vec<Spread>,
+    /// Each view, over complete materials.
+    pub views: Vec<ViewStatistics>,
+}
+
+/// How a parameter spreads.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// The parameter.
+    pub name: &'static str,
+    /// The smallest value.
+    pub least: f64,
+    /// The mean.
+    pub mean: f64,
+    /// The largest value.
+    pub greatest: f64,
+}
+
+/// One view of all materials.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct ViewStatistics {
+    /// The view's index.
+    pub view: u32,
+    /// Bytes of an image, mean.
+    pub bytes_mean: f64,
+    /// Estimated error of a pixel, mean over images and pixels, in units of white.
+    pub error_mean: f64,
+    /// Estimated error of a pixel, largest.
+    pub error_max: f64,
+    /// Fraction of pixels within target.
+    pub within_target: f64,
+    /// Light paths and evaluations of the model an image, mean.
+    pub cost_mean: f64,
+    /// Brightness, where pixels were read.
+    pub brightness: Option<Brightness>,
+}
+
+/// The pixels of one view of all materials.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Brightness {
+    /// Fraction of images none of whose pixels reaches [`DARK`].
+    pub dark: f64,
+    /// Fraction of images with a pixel above white.
+    pub above_white: f64,
+    /// The brightest channel.
+    pub brightest: f32,
+}
+
+/// Counts and measures the complete materials of a store; reads the images themselves only for
+/// `pixels`. `progress` is told how many materials were looked at.
+///
+/// # Errors
+/// When a record or an image cannot be read.
+pub fn statistics(
+    store: &ReadOnlyStore,
+    pixels: bool,
+    progress: &dyn Fn(u64),
+) -> Result<Statistics, ExportError> {
+    let selection = Selection {
+        partial: true,
+        ..Selection::default()
+    };
+    let chosen = selection.choose(store)?;
+    let specification = store.specification();
+    let split = |split| {
+        let materials = chosen.materials.iter();
+        let count = materials.filter(|material| specification.split(**material) == split);
+        (split, count.count() as u32)
+    };
+    let mut found = Statistics {
+        dataset: specification.name.clone(),
+        specification: store.specification_hash(),
+        renderer_version: RENDERER_VERSION,
+        materials: specification.materials,
+        materials_complete: chosen.materials.len() as u32,
+        images: chosen.images(),
+        bytes: 0,
+        splits: [Split::Train, Split::Validation, Split::Test].map(split),
+        parameters: spreads(store, &chosen),
+        views: chosen
+            .views
+            .iter()
+            .map(|&view| ViewStatistics {
+                view,
+                brightness: pixels.then(Brightness::default),
+                ..ViewStatistics::default()
+            })
+            .collect(),
+    };
+    for (number, &material) in (1..).zip(&chosen.materials) {
+        for (image, view) in chosen
+            .images_of(store, material)?
+            .iter()
+            .zip(&mut found.views)
+        {
+            found.bytes += image.done.bytes;
+            let statistics = &image.done.statistics;
+            view.bytes_mean += image.done.bytes as f64;
+            view.error_mean += statistics.mean;
+            view.error_max = view.error_max.max(statistics.max);
+            view.within_target += statistics.within_target;
+            view.cost_mean += (statistics.samples + statistics.evaluations) as f64;
+            if let Some(brightness) = &mut view.brightness {
+                let faulty = |reason| ExportError::Image {
+                    path: store.image_path(&image.done.digest),
+                    reason,
+                };
+                let bytes = store.read_image(&image.done);
+                let bytes = bytes.map_err(|fault| faulty(fault.to_string()))?;
+                let decoded = decode(&bytes, &specification.image)
+                    .map_err(|rejection| faulty(rejection.to_string()))?;
+                let channels = decoded.pixels.as_flattened().iter();
+                let brightest = channels.copied().fold(0.0, f32::max);
+                brightness.dark += f64::from(u8::from(brightest < DARK));
+                brightness.above_white += f64::from(u8::from(brightest > 1.0));
+                brightness.brightest = brightness.brightest.max(brightest);
+            }
+        }
+        progress(number);
+    }
+    let count = f64::from(found.materials_complete.max(1));
+    for view in &mut found.views {
+        view.bytes_mean /= count;
+        view.error_mean /= count;
+        view.within_target /= count;
+        view.cost_mean /= count;
+        if let Some(brightness) = &mut view.brightness {
+            brightness.dark /= count;
+            brightness.above_white /= count;
+        }
+    }
+    Ok(found)
+}
+
+fn spreads(store: &ReadOnlyStore, chosen: &Chosen) -> Vec<Spread> {
+    const NAMES: [&str; 10] = [
+        "roughness",
+        "anisotropy",
+        "angle_deg",
+        "ior",
+        "L* at 0",
+        "a* at 0",
+        "b* at 0",
+        "L* at 90",
+        "a* at 90",
+        "b* at 90",
+    ];
+    let mut spreads = NAMES.map(|name| Spread {
+        name,
+        least: f64::INFINITY,
+        mean: 0.0,
+        greatest: f64::NEG_INFINITY,
+    });
+    if chosen.materials.is_empty() {
+        return Vec::new();
+    }
+    for &material in &chosen.materials {
+        let sampled = store.specification().material(material);
+        let [l0, a0, b0] = sampled.lab0();
+        let [l90, a90, b90] = sampled.lab90();
+        let dataset::Material {
+            roughness,
+            anisotropy,
+            angle_deg,
+            ior,
+            ..
+        } = sampled.material;
+        let values = [
+            roughness, anisotropy, angle_deg, ior, l0, a0, b0, l90, a90, b90,
+        ];
+        for (spread, value) in spreads.iter_mut().zip(values) {
+            spread.least = spread.least.min(value);
+            spread.mean += value / chosen.materials.len() as f64;
+            spread.greatest = spread.greatest.max(value);
+        }
+    }
+    spreads.to_vec()
+}

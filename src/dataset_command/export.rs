@@ -1,0 +1,212 @@
+//! `brdfarm dataset export`.
+
+use super::{StoreOptions, show};
+use crate::failure::BadInput;
+use crate::index_list::IndexList;
+use crate::plural::count;
+use crate::{cores, picture, progress};
+use clap::{Args, ValueEnum};
+use coordinator::ReadOnlyStore;
+use dataset::Split;
+use export::card::Publication;
+use export::layout::{self, Layout, SHARD_BYTES, export};
+use export::product::Products;
+use export::rectify::SIDE_PIXELS_MAX;
+use export::selection::Selection;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Materials on the picture of the dataset card.
+const EXAMPLE_MATERIALS_MAX: usize = 6;
+
+/// Export images and labels so that stock loaders open them
+///
+/// Writes the images, a manifest, a dataset card with plots, Croissant metadata and the
+/// specification into a folder. The same images and options give the same bytes. Stopped, the same
+/// command goes on from there.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    store: StoreOptions,
+    /// Where to: an empty or a new folder, or an export to go on with
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// How images are laid out
+    #[arg(long, value_enum)]
+    layout: LayoutName,
+    /// Which views, as in 5,8 or 0-3 [default: all]
+    #[arg(long, value_name = "LIST")]
+    views: Option<IndexList>,
+    /// Which split [default: all]
+    #[arg(long, value_enum)]
+    split: Option<SplitName>,
+    /// Pixels as NumPy arrays too, of the images' type: they need no EXR reader
+    #[arg(long)]
+    npy: bool,
+    /// Previews too: sRGB, 8 bits, clipped at white
+    #[arg(long)]
+    png: bool,
+    /// Brightness of the previews, in stops: each doubles it
+    #[arg(long, default_value_t = 0.0, value_name = "STOPS", allow_negative_numbers = true,
+          requires = "png", value_parser = picture::parse_exposure)]
+    exposure: f64,
+    /// The sample warped to a square of N pixels a side too, area-correct
+    #[arg(long, value_name = "N",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(SIDE_PIXELS_MAX)))]
+    rectified: Option<u32>,
+    /// Export what is complete although materials are missing
+    #[arg(long)]
+    partial: bool,
+    /// Hard links to the store's images instead of copies (layout files, one file system): whoever
+    /// changes one changes the store
+    #[arg(long)]
+    links: bool,
+    /// Size of a shard, about, in megabytes
+    #[arg(long, default_value_t = SHARD_BYTES / MEGABYTE, value_name = "MB",
+          value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
+    shard_megabytes: u64,
+    /// The images' licence, as an SPDX identifier
+    #[arg(long, default_value = "unknown", value_name = "ID", value_parser = parse_licence)]
+    licence: String,
+    /// Who publishes the set
+    #[arg(long, value_name = "NAME", value_parser = parse_line)]
+    creator: Option<String>,
+    /// Where the set is published
+    #[arg(long, value_name = "URL", value_parser = parse_line)]
+    url: Option<String>,
+    /// When it is published, as YYYY-MM-DD
+    #[arg(long, value_name = "DATE", value_parser = parse_date)]
+    published: Option<String>,
+    /// Threads; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+}
+
+const MEGABYTE: u64 = 1_000_000;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum LayoutName {
+    /// train/000123/v05.exr
+    Files,
+    /// Tar shards, a sample a material: 000123.v05.exr, 000123.v05.json
+    Webdataset,
+    /// Parquet shards of labels and images, for `datasets.load_dataset`
+    Huggingface,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum SplitName {
+    Train,
+    Validation,
+    Test,
+}
+
+/// Exports a store.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let layout = match options.layout {
+        LayoutName::Files => Layout::Files {
+            links: options.links,
+        },
+        _ if options.links => {
+            return Err(BadInput("--links is for --layout files".to_owned()).into());
+        }
+        LayoutName::Webdataset => Layout::WebDataset,
+        LayoutName::Huggingface => Layout::HuggingFace,
+    };
+    let store = ReadOnlyStore::open(&options.store.store)?;
+    let view_count = store.specification().views.len() as u32;
+    let views = options
+        .views
+        .as_ref()
+        .map(|views| views.below(view_count, "view"));
+    let export_options = layout::Options {
+        layout,
+        selection: Selection {
+            views: views.transpose()?,
+            split: options.split.map(SplitName::split),
+            partial: options.partial,
+        },
+        products: Products {
+            npy: options.npy,
+            png_exposure_stops: options.png.then_some(options.exposure),
+            rectified_side: options.rectified,
+        },
+        shard_bytes: options.shard_megabytes * MEGABYTE,
+        threads: cores::count(options.threads),
+        publication: Publication {
+            licence: options.licence.clone(),
+            creator: options.creator.clone(),
+            url: options.url.clone(),
+            date: options.published.clone(),
+        },
+    };
+    let chosen = export_options.selection.choose(&store)?;
+    let examples = &chosen.materials[..chosen.materials.len().min(EXAMPLE_MATERIALS_MAX)];
+    let examples = show::sheet(&store, examples, &chosen.views, 0.0)?;
+    let bar = progress::bar(chosen.images(), "images exported");
+    let exported = export(
+        &store,
+        &export_options,
+        &examples,
+        &options.folder,
+        &|images| {
+            bar.set_position(images);
+        },
+    );
+    bar.finish_and_clear();
+    let exported = exported?;
+    let mut out = io::stdout();
+    write!(
+        out,
+        "{}: {}",
+        options.folder.display(),
+        count(exported.rows, "image")
+    )?;
+    if exported.materials_missing > 0 {
+        let missing = count(exported.materials_missing, "material");
+        write!(out, ", {missing} missing")?;
+    }
+    writeln!(out)?;
+    Ok(())
+}
+
+impl SplitName {
+    fn split(self) -> Split {
+        match self {
+            Self::Train => Split::Train,
+            Self::Validation => Split::Validation,
+            Self::Test => Split::Test,
+        }
+    }
+}
+
+/// The longest text that goes into card and metadata, in bytes.
+const LINE_BYTES_MAX: usize = 1000;
+
+fn parse_line(text: &str) -> Result<String, String> {
+    let plain =
+        !text.is_empty() && text.len() <= LINE_BYTES_MAX && !text.contains(char::is_control);
+    plain
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("it has to be one line of 1 to {LINE_BYTES_MAX} bytes"))
+}
+
+fn parse_licence(text: &str) -> Result<String, String> {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
+    (!text.is_empty() && text.len() <= 64 && text.chars().all(plain))
+        .then(|| text.to_ascii_lowercase())
+        .ok_or_else(|| "a licence is an SPDX identifier, such as cc-by-4.0".to_owned())
+}
+
+fn parse_date(text: &str) -> Result<String, String> {
+    let digits =
+        |part: &str, count| part.len() == count && part.bytes().all(|b| b.is_ascii_digit());
+    let parts: Vec<&str> = text.split('-').collect();
+    match *parts {
+        [year, month, day] if digits(year, 4) && digits(month, 2) && digits(day, 2) => {
+            Ok(text.to_owned())
+        }
+        _ => Err("a date is YYYY-MM-DD".to_owned()),
+    }
+}

@@ -1,0 +1,58 @@
+//! `brdfarm dataset gc`.
+
+use super::StoreOptions;
+use crate::plural::count;
+use clap::Args;
+use coordinator::garbage::{remove_unnamed, unnamed};
+use coordinator::{ReadOnlyStore, Store};
+use std::io::{self, Write};
+
+/// List the images that no completed material names, or remove them
+///
+/// Completions that were cut short or replaced leave such files behind. Without --delete nothing is
+/// changed. Files of other names than images have are listed and never removed.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    store: StoreOptions,
+    /// Remove them; no coordinator may be using the store
+    #[arg(long)]
+    delete: bool,
+}
+
+/// Lists or removes them.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let path = &options.store.store;
+    let mut out = io::stdout();
+    if options.delete {
+        let removed = remove_unnamed(&Store::open(path)?)?;
+        let bytes: u64 = removed.iter().map(|file| file.bytes).sum();
+        for file in &removed {
+            writeln!(out, "{}", file.path.display())?;
+        }
+        writeln!(
+            out,
+            "removed {}, {:.1} MB",
+            count(removed.len() as u64, "image"),
+            bytes as f64 / 1e6
+        )?;
+        return Ok(());
+    }
+    let (images, others): (Vec<_>, Vec<_>) = unnamed(&ReadOnlyStore::open(path)?)?
+        .into_iter()
+        .partition(|file| file.is_image);
+    for file in &images {
+        writeln!(out, "{}", file.path.display())?;
+    }
+    for file in &others {
+        writeln!(out, "{} (no image; it stays)", file.path.display())?;
+    }
+    let bytes: u64 = images.iter().map(|file| file.bytes).sum();
+    writeln!(
+        out,
+        "--delete would remove {}, {:.1} MB",
+        count(images.len() as u64, "image"),
+        bytes as f64 / 1e6
+    )?;
+    Ok(())
+}

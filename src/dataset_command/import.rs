@@ -1,0 +1,80 @@
+//! `brdfarm dataset import`.
+
+use super::StoreOptions;
+use crate::failure::BadInput;
+use crate::plural::count;
+use crate::{cores, progress};
+use clap::Args;
+use dataset::Specification;
+use export::import::import;
+use export::manifest::{Format, read::read_specification};
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Take a manifest and its images into a store, checked on the way in
+///
+/// DIR is an export of any layout, or any folder with a manifest and images where it says. Every
+/// row is compared with what the specification gives, and every image with its row. The store is
+/// made where there is none; what one has already is not replaced.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// The folder that the manifest's paths are relative to
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    #[command(flatten)]
+    store: StoreOptions,
+    /// The manifest [default: manifest.parquet in DIR]
+    #[arg(long, value_name = "FILE")]
+    manifest: Option<PathBuf>,
+    /// The specification [default: that inside a Parquet manifest, or specification.toml in DIR]
+    #[arg(long, value_name = "FILE")]
+    spec: Option<PathBuf>,
+    /// Threads; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+}
+
+/// Imports.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let manifest = match &options.manifest {
+        Some(path) => path.clone(),
+        None => options.folder.join("manifest.parquet"),
+    };
+    let format = Format::of(&manifest).map_err(|error| BadInput(error.to_string()))?;
+    let specification = match (&options.spec, format) {
+        (Some(path), _) => Specification::load(path)?,
+        (None, Format::Parquet) => {
+            read_specification(&manifest).map_err(|error| BadInput(error.to_string()))?
+        }
+        (None, _) => Specification::load(&options.folder.join("specification.toml"))?,
+    };
+    let bar = progress::bar(0, "images imported");
+    let imported = import(
+        &specification,
+        &manifest,
+        &options.folder,
+        &options.store.store,
+        cores::count(options.threads),
+        &|images, total| {
+            bar.set_length(total);
+            bar.set_position(images);
+        },
+    );
+    bar.finish_and_clear();
+    let imported = imported?;
+    let mut out = io::stdout();
+    write!(
+        out,
+        "{}: {} of {} imported",
+        options.store.store.display(),
+        count(imported.images, "image"),
+        count(imported.materials, "material")
+    )?;
+    if imported.materials_there > 0 {
+        let there = count(imported.materials_there, "material");
+        write!(out, ", {there} there before")?;
+    }
+    writeln!(out)?;
+    Ok(())
+}

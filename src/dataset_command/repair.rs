@@ -1,0 +1,74 @@
+//! `brdfarm dataset repair`.
+
+use super::{StoreOptions, verify::CheckOptions};
+use crate::plural::count;
+use crate::{output, progress};
+use clap::Args;
+use coordinator::repair::{Outcome, repair};
+use coordinator::{ReadOnlyStore, Store};
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+/// Render again what verify finds
+///
+/// A missing or damaged image must come out with the digest that is recorded. A record is corrected
+/// where the file that it names is intact and no image of the dataset, or where log and ledger
+/// disagree. What cannot be mended is listed, and is an error.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    store: StoreOptions,
+    #[command(flatten)]
+    checks: CheckOptions,
+    /// Write what was done as JSON
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
+}
+
+/// Mends a store.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let mut store = Store::open(&options.store.store)?;
+    let reader = ReadOnlyStore::open(&options.store.store)?;
+    let renderer = options.checks.renderer(&reader)?;
+    let checks = options.checks.checks(&reader, &renderer);
+    let images = u64::from(checks.materials) * reader.specification().views.len() as u64;
+    let bar = progress::bar(images, "images checked");
+    let repairs = repair(
+        &mut store,
+        &checks,
+        &renderer,
+        &|looked_at| bar.set_position(looked_at),
+        &|mended, faults| {
+            bar.set_length(faults as u64);
+            bar.set_message("faults mended");
+            bar.set_position(mended as u64);
+        },
+    )?;
+    bar.finish_and_clear();
+    if let Some(path) = &options.report {
+        let mut json = serde_json::to_vec_pretty(&repairs)?;
+        json.push(b'\n');
+        output::write(path, &json)?;
+    }
+    let mut out = io::stdout();
+    let mut failed = 0;
+    for repair in &repairs {
+        match &repair.outcome {
+            Outcome::Restored => writeln!(out, "{}: restored", repair.fault)?,
+            Outcome::Corrected => {
+                writeln!(out, "{}: restored, its record corrected", repair.fault)?
+            }
+            Outcome::Failed(why) => {
+                failed += 1;
+                writeln!(out, "{}: NOT MENDED: {why}", repair.fault)?;
+            }
+        }
+    }
+    let faults = count(repairs.len() as u64, "fault");
+    anyhow::ensure!(failed == 0, "{failed} of {faults} could not be mended");
+    match repairs.len() {
+        0 => writeln!(out, "nothing to do: the store is sound")?,
+        _ => writeln!(out, "mended {faults}")?,
+    }
+    Ok(())
+}

@@ -1,0 +1,215 @@
+"""Reads a store's exports as strangers would, each with its own stock loader.
+
+    read_layouts.py STORE MANIFESTS FILES WEBDATASET HUGGINGFACE
+
+MANIFESTS is a folder with manifest.parquet, .csv and .jsonl; the others are exports with --npy,
+--png and --rectified. Prints what it found; any disagreement with the store ends it with an error.
+"""
+
+import io
+import json
+import logging
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ["HF_HUB_OFFLINE"] = "1"
+os.environ["HF_DATASETS_OFFLINE"] = "1"
+os.environ["HF_HOME"] = tempfile.mkdtemp()
+os.environ["CROISSANT_CACHE"] = tempfile.mkdtemp()
+
+import datasets
+import mlcroissant
+import numpy as np
+import OpenEXR
+import pandas
+import polars
+import pyarrow.parquet
+import webdataset
+from PIL import Image
+
+SPLITS = ("train", "validation", "test")
+
+
+def read_exr(path):
+    return OpenEXR.File(str(path)).channels()["RGB"].pixels
+
+
+def read_npy(file):
+    return np.load(io.BytesIO(file), allow_pickle=False)
+
+
+def to_srgb8(linear):
+    linear = np.clip(linear.astype(np.float64), 0, 1)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255 * encoded)
+
+
+class Reference:
+    """What the store's own manifest and images say."""
+
+    def __init__(self, store, manifest):
+        self.rows = {}
+        self.pixels = {}
+        self.files = {}
+        for row in pyarrow.parquet.read_table(manifest).to_pylist():
+            key = row["material"], row["view"]
+            path = store / row.pop("path")
+            self.rows[key] = row
+            self.files[key] = path.read_bytes()
+            self.pixels[key] = read_exr(path)
+
+    def check_row(self, row, who):
+        """A row with other columns beside, whose lists may be arrays."""
+        expected = self.rows[row["material"], row["view"]]
+        for name, value in expected.items():
+            found = row[name]
+            found = list(found) if isinstance(value, list) else found
+            assert found == value, f"{who}: {name} is {found!r}, not {value!r}"
+
+    def check_all(self, rows, who):
+        rows = list(rows)
+        assert len(rows) == len(self.rows), f"{who}: {len(rows)} rows"
+        for row in rows:
+            self.check_row(row, who)
+
+    def check_image(self, key, exr, npy, preview, who):
+        assert exr == self.files[key], f"{who}: the file of {key} differs"
+        pixels = self.pixels[key]
+        assert npy.dtype == pixels.dtype == np.float16 and np.array_equal(npy, pixels), who
+        assert preview.size == pixels.shape[1::-1], who
+        off = np.abs(np.asarray(preview, dtype=float) - to_srgb8(pixels)).max()
+        assert off <= 1, f"{who}: the preview of {key} is off by {off}"
+
+
+def check_tables(reference, folder):
+    """pandas and polars, in all three formats. CSV has no types, so the version would be read as a
+    number; a list in it is columns name_0, name_1, ..."""
+    tables = {
+        "pandas Parquet": pandas.read_parquet(folder / "manifest.parquet").to_dict("records"),
+        "pandas JSON Lines": pandas.read_json(
+            folder / "manifest.jsonl", lines=True, precise_float=True, dtype=False
+        ).to_dict("records"),
+        "polars Parquet": polars.read_parquet(folder / "manifest.parquet").to_dicts(),
+        "polars JSON Lines": polars.read_ndjson(folder / "manifest.jsonl").to_dicts(),
+    }
+    for who, rows in tables.items():
+        reference.check_all(rows, who)
+    flat = {
+        "pandas CSV": pandas.read_csv(
+            folder / "manifest.csv", dtype={"renderer_version": str}
+        ).to_dict("records"),
+        "polars CSV": polars.read_csv(
+            folder / "manifest.csv", schema_overrides={"renderer_version": polars.String}
+        ).to_dicts(),
+    }
+    some = next(iter(reference.rows.values()))
+    lists = {name: len(value) for name, value in some.items() if isinstance(value, list)}
+    for who, rows in flat.items():
+        for row in rows:
+            for name, length in lists.items():
+                row[name] = [row.pop(f"{name}_{place}") for place in range(length)]
+        reference.check_all(rows, who)
+
+
+def check_files(reference, folder):
+    rows = pyarrow.parquet.read_table(folder / "manifest.parquet").to_pylist()
+    reference.check_all(rows, "files")
+    for row in rows:
+        path = folder / row["path"]
+        assert path.parts[-3] == row["split"] and path.parts[-2] == f"{row['material']:06}", path
+        key = row["material"], row["view"]
+        preview = Image.open(path.with_suffix(".png"))
+        assert preview.text["exposure_stops"] == "0", preview.text
+        npy = np.load(path.with_suffix(".npy"), mmap_mode="r")
+        reference.check_image(key, path.read_bytes(), npy, preview, "files")
+        rectified = read_exr(path.with_suffix(".rectified.exr"))
+        assert np.array_equal(rectified, np.load(path.with_suffix(".rectified.npy")))
+        assert rectified.shape == (16, 16, 3) and np.isfinite(rectified).all()
+        # Seen from straight above, with nothing else on the film, the square has all the light.
+        if row["camera_elevation_deg"] == 90.0 and not row["checker"]:
+            square = rectified.astype(float).mean() * (0.1 / 0.12) ** 2
+            film = reference.pixels[key].astype(float).mean()
+            assert np.isclose(square, film, rtol=0.03, atol=1e-6), f"{key}: {square}, {film}"
+    return len(rows)
+
+
+def check_webdataset(reference, folder):
+    found = 0
+    for split in SPLITS:
+        shards = sorted(str(path) for path in (folder / split).glob("*.tar"))
+        samples = webdataset.WebDataset(shards, shardshuffle=False).decode("pil")
+        for sample in samples:
+            views = sorted({name.split(".")[0] for name in sample if name.startswith("v")})
+            for name in views:
+                row = sample[f"{name}.json"]
+                assert row["split"] == split and f"{row['material']:06}" == sample["__key__"]
+                assert f"v{row['view']:02}" == name
+                reference.check_row(row, "webdataset")
+                reference.check_image(
+                    (row["material"], row["view"]),
+                    sample[f"{name}.exr"],
+                    sample[f"{name}.npy"],
+                    sample[f"{name}.png"],
+                    "webdataset",
+                )
+                assert sample[f"{name}.rectified.npy"].shape == (16, 16, 3)
+                found += 1
+    assert found == len(reference.rows), f"webdataset: {found} images"
+
+
+def check_huggingface(reference, folder):
+    sets = datasets.load_dataset(str(folder))
+    assert set(sets) == set(SPLITS), set(sets)
+    found = 0
+    for split, rows in sets.items():
+        assert isinstance(rows.features["preview"], datasets.Image), rows.features
+        for row in rows:
+            assert row["split"] == split
+            reference.check_row(row, "datasets")
+            reference.check_image(
+                (row["material"], row["view"]),
+                row["exr"],
+                read_npy(row["npy"]),
+                row["preview"],
+                "datasets",
+            )
+            assert read_npy(row["rectified_npy"]).shape == (16, 16, 3)
+            found += 1
+    assert found == len(reference.rows), f"datasets: {found} images"
+
+
+def check_croissant(reference, folder):
+    warnings = io.StringIO()
+    handler = logging.StreamHandler(warnings)
+    logging.getLogger().addHandler(handler)
+    metadata = mlcroissant.Dataset(jsonld=str(folder / "croissant.json"))
+    logging.getLogger().removeHandler(handler)
+    assert not metadata.metadata.issues.errors, metadata.metadata.issues.report()
+    assert not warnings.getvalue(), warnings.getvalue()
+    described = json.loads((folder / "croissant.json").read_text())
+    assert described["conformsTo"] == "http://mlcommons.org/croissant/1.1"
+    rows = []
+    for record in metadata.records("images"):
+        row = {name.removeprefix("images/"): value for name, value in record.items()}
+        rows.append({
+            name: value.decode() if isinstance(value, bytes) else value
+            for name, value in row.items()
+        })
+    reference.check_all(rows, "mlcroissant")
+
+
+def main(store, manifests, files, webdataset_folder, huggingface):
+    reference = Reference(store, manifests / "manifest.parquet")
+    check_tables(reference, manifests)
+    images = check_files(reference, files)
+    check_webdataset(reference, webdataset_folder)
+    check_huggingface(reference, huggingface)
+    for folder in (files, webdataset_folder, huggingface):
+        check_croissant(reference, folder)
+    print(f"{images} images in three layouts")
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:]))

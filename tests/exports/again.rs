@@ -1,0 +1,67 @@
+//! Any image again, on a machine that has the program and a manifest and nothing else.
+
+use crate::workplace::Workplace;
+use serde_json::Value;
+use std::fs;
+
+/// Rows that are rendered again.
+const ROWS: usize = 100;
+
+#[test]
+fn a_hundred_random_rows_render_again_from_a_manifest_alone() {
+    let farm = Workplace::rendered(12);
+    farm.succeed("dataset manifest export --format parquet --out manifest.parquet");
+    farm.succeed("dataset manifest export --format jsonl --out manifest.jsonl");
+
+    let elsewhere = Workplace::empty();
+    for name in ["manifest.parquet", "manifest.jsonl"] {
+        fs::copy(farm.path().join(name), elsewhere.path().join(name)).unwrap();
+    }
+    drop(farm);
+    let specification = elsewhere.succeed("dataset specification --manifest manifest.parquet");
+    fs::write(elsewhere.path().join("spec.toml"), specification).unwrap();
+    let rows = fs::read_to_string(elsewhere.path().join("manifest.jsonl")).unwrap();
+    let mut rows: Vec<Value> = rows
+        .lines()
+        .map(|row| serde_json::from_str(row).unwrap())
+        .collect();
+    // In the order of their digests: as random as any, and the same every time.
+    rows.sort_by_key(|row| row["digest"].to_string());
+    for row in &rows[..ROWS] {
+        let (seed, material, view) = (&row["seed"], &row["material"], &row["view"]);
+        let digest = row["digest"].as_str().unwrap();
+        elsewhere.succeed(&format!(
+            "render --spec spec.toml --seed {seed} --material {material} --view {view} --expect \
+             {digest}"
+        ));
+    }
+}
+
+#[test]
+fn what_leaves_a_store_makes_the_same_store_elsewhere() {
+    let farm = Workplace::rendered(3);
+    let manifests = |place: &Workplace| {
+        ["parquet", "csv", "jsonl"].map(|format| {
+            place.succeed(&format!(
+                "dataset manifest export --format {format} --out m.{format}"
+            ));
+            fs::read(place.path().join(format!("m.{format}"))).unwrap()
+        })
+    };
+    let before = manifests(&farm);
+    for layout in ["files", "webdataset", "huggingface"] {
+        let elsewhere = Workplace::empty();
+        let out = elsewhere.path().join("out");
+        farm.succeed(&format!(
+            "dataset export {} --layout {layout}",
+            out.display()
+        ));
+        let said = elsewhere.succeed("dataset import out");
+        assert!(said.contains("42 images of 3 materials imported"), "{said}");
+        assert!(manifests(&elsewhere) == before, "{layout}");
+        elsewhere.succeed("dataset verify --rerender 10%");
+        // And it is a store to go on with.
+        let said = elsewhere.succeed("run --spec out/specification.toml");
+        assert!(said.contains("nothing to do"), "{said}");
+    }
+}

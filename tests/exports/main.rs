@@ -1,0 +1,10 @@
+//! What leaves a store, made and read by real programs.
+
+#![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+
+mod again;
+mod clients;
+mod killed;
+mod rectified;
+mod upkeep;
+mod workplace;
