@@ -36,6 +36,15 @@ pub struct Options {
     #[arg(long, default_value_t = coordinator::limits::LEASE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     lease_seconds: u64,
+    /// How long one material may take before it is given to another worker
+    #[arg(long, default_value_t = coordinator::limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
+    job_deadline_seconds: u64,
+    /// Percent of the materials that a second worker renders again, to the same bytes or somebody
+    /// is barred
+    #[arg(long, default_value_t = f64::from(coordinator::limits::CHECKS_PER_MILLION) / 1e4,
+          value_name = "PERCENT", value_parser = percent)]
+    check_percent: f64,
     /// End once every material is complete
     #[arg(long)]
     exit_when_complete: bool,
@@ -57,11 +66,20 @@ impl Options {
             insecure: self.insecure,
             policy: Policy {
                 lease: Duration::from_secs(self.lease_seconds),
+                deadline: Duration::from_secs(self.job_deadline_seconds),
                 ..Policy::default()
             },
+            checks_per_million: (self.check_percent * 1e4).round() as u32,
             ..coordinator::Options::default()
         }
     }
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let percent = text.parse().ok();
+    percent
+        .filter(|percent| (0.0..=100.0).contains(percent))
+        .ok_or_else(|| "a number from 0 to 100 is wanted".to_owned())
 }
 
 async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {

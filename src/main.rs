@@ -2,10 +2,14 @@
 
 mod brdf;
 mod completions;
+mod connection;
 mod coordinator_serve;
 mod cores;
 mod dataset_command;
 mod failure;
+mod farm_mode;
+mod jobs;
+mod materials;
 mod output;
 mod picture;
 mod plural;
@@ -14,8 +18,10 @@ mod render;
 mod run;
 mod shutdown;
 mod specification;
+mod status;
 mod telemetry;
 mod worker_connect;
+mod workers;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -49,6 +55,16 @@ enum Command {
     /// Render for a coordinator
     #[command(subcommand)]
     Worker(worker_connect::Command),
+    Status(status::Options),
+    /// List, show, retry, cancel and prioritize jobs
+    #[command(subcommand)]
+    Jobs(jobs::Command),
+    /// List workers, bar and unbar them
+    #[command(subcommand)]
+    Workers(workers::Command),
+    Pause(farm_mode::Pause),
+    Resume(farm_mode::Resume),
+    Drain(farm_mode::Drain),
     /// Look at a store, check it, take its labels out
     #[command(subcommand)]
     Dataset(dataset_command::Command),
@@ -63,6 +79,12 @@ fn main() -> ExitCode {
         Command::Run(options) => run::execute(&options),
         Command::Coordinator(command) => coordinator_serve::execute(&command),
         Command::Worker(command) => worker_connect::execute(&command),
+        Command::Status(options) => status::execute(&options),
+        Command::Jobs(command) => jobs::execute(&command),
+        Command::Workers(command) => workers::execute(&command),
+        Command::Pause(options) => farm_mode::pause(&options),
+        Command::Resume(options) => farm_mode::resume(&options),
+        Command::Drain(options) => farm_mode::drain(&options),
         Command::Dataset(command) => dataset_command::execute(&command),
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),

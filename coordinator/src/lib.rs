@@ -25,6 +25,7 @@ mod file_error;
 pub mod ledger;
 pub mod limits;
 pub mod queue;
+mod rate;
 mod recovery;
 mod roster;
 mod running;

@@ -5,7 +5,7 @@ use crate::{
     file_error::FileError,
     limits,
     queue::Policy,
-    service::Service,
+    service::{ControlService, FarmService},
     store::Store,
 };
 use dataset::{
@@ -37,6 +37,9 @@ pub struct Options {
     pub insecure: bool,
     /// The queue's limits.
     pub policy: Policy,
+    /// Of a million completed materials, how many are rendered a second time by another worker, and
+    /// have to come out the same.
+    pub checks_per_million: u32,
     /// Whether materials that were set aside get another chance now.
     pub retry_set_aside: bool,
     /// Whether leases of before the start go on. False where nobody can hold one any more, as when
@@ -50,6 +53,7 @@ impl Default for Options {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
             insecure: false,
             policy: Policy::default(),
+            checks_per_million: limits::CHECKS_PER_MILLION,
             retry_set_aside: true,
             keep_leases: true,
         }
@@ -203,7 +207,7 @@ impl RunningCoordinator {
 
     /// Materials set aside, the first few, with their errors.
     pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
-        self.farm.status().1
+        self.farm.set_aside()
     }
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the
@@ -240,7 +244,10 @@ async fn serve(farm: Arc<Farm>, listener: TcpListener, mut stopping: watch::Rece
         .http2_keepalive_timeout(Some(proto::limits::KEEPALIVE_TIMEOUT))
         .timeout(proto::limits::LEASE_WAIT_MAX + proto::limits::CALL_DEADLINE)
         .tcp_nodelay(true)
-        .add_service(proto::server(Service { farm }))
+        .add_service(proto::farm_server(FarmService {
+            farm: Arc::clone(&farm),
+        }))
+        .add_service(proto::control_server(ControlService { farm }))
         .serve_with_incoming_shutdown(TcpListenerStream::new(listener), stop)
         .await;
     if let Err(error) = served {
