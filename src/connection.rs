@@ -8,6 +8,7 @@ use proto::{
     client::{self, Credentials, with_deadline},
 };
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 use tonic::{Code, Request, Response, Status};
 
@@ -17,34 +18,12 @@ const CREDENTIAL_BYTES_MAX: u64 = 64 << 10;
 /// Whom a client believes and what it shows.
 #[derive(Clone, Debug, Args)]
 pub struct CredentialOptions {
-    /// The token of the role, in a file; it can also stand in BRDFARM_TOKEN, and never on the
+    /// A folder with what this side shows and believes: token, authority.pem, and certificate.pem
+    /// with key.pem where the coordinator asks for one; what is not there is not used. `brdfarm
+    /// credentials` makes such folders. The token can also stand in BRDFARM_TOKEN, and never on the
     /// command line, which other users of the machine can read
-    #[arg(
-        long,
-        value_name = "FILE",
-        env = "BRDFARM_TOKEN_FILE",
-        hide_env_values = true
-    )]
-    token_file: Option<PathBuf>,
-    /// The certificate of the authority that vouches for the coordinator, for https
-    #[arg(long, value_name = "FILE", env = "BRDFARM_AUTHORITY")]
-    authority: Option<PathBuf>,
-    /// This side's certificate, where the coordinator asks for one
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "key",
-        env = "BRDFARM_CERTIFICATE"
-    )]
-    certificate: Option<PathBuf>,
-    /// The key of the certificate
-    #[arg(
-        long,
-        value_name = "FILE",
-        requires = "certificate",
-        env = "BRDFARM_KEY"
-    )]
-    key: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", env = "BRDFARM_CREDENTIALS")]
+    credentials: Option<PathBuf>,
 }
 
 /// Which coordinator a command speaks to.
@@ -63,22 +42,31 @@ pub struct CoordinatorOptions {
 }
 
 impl CredentialOptions {
-    /// Reads what the files and the environment hold.
+    /// Reads what the folder and the environment hold.
     pub fn load(&self) -> anyhow::Result<Credentials> {
-        let token = match &self.token_file {
-            Some(path) => Some(
-                String::from_utf8(read(path)?)
-                    .map_err(|_| BadInput(format!("{}: a token is plain text", path.display())))?,
-            ),
+        let file = |name| match &self.credentials {
+            Some(folder) => read_if_there(&folder.join(name)),
+            None => Ok(None),
+        };
+        if let Some(folder) = self.credentials.as_ref().filter(|folder| !folder.is_dir()) {
+            return Err(BadInput(format!(
+                "--credentials {}: no such folder",
+                folder.display()
+            ))
+            .into());
+        }
+        let token = match file("token")? {
+            Some(token) => Some(text(token, "token")?),
             None => std::env::var("BRDFARM_TOKEN").ok(),
         };
-        let identity = match (&self.certificate, &self.key) {
-            (Some(certificate), Some(key)) => Some((read(certificate)?, read(key)?)),
-            _ => None,
+        let identity = match (file("certificate.pem")?, file("key.pem")?) {
+            (Some(certificate), Some(key)) => Some((certificate, key)),
+            (None, None) => None,
+            _ => return Err(BadInput("certificate.pem and key.pem go together".to_owned()).into()),
         };
         Ok(Credentials {
             token: token.map(|token| token.trim().to_owned()),
-            authority: self.authority.as_deref().map(read).transpose()?,
+            authority: file("authority.pem")?,
             identity,
         })
     }
@@ -125,15 +113,22 @@ impl CoordinatorOptions {
     }
 }
 
-fn read(path: &Path) -> anyhow::Result<Vec<u8>> {
+/// A credential as text.
+pub fn text(bytes: Vec<u8>, name: &str) -> anyhow::Result<String> {
+    Ok(String::from_utf8(bytes).map_err(|_| BadInput(format!("{name} is no plain text")))?)
+}
+
+/// Reads a file of credentials; `None` where there is none.
+pub fn read_if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
     let unreadable = || format!("cannot read {}", path.display());
-    let bytes = fs::metadata(path).with_context(unreadable)?.len();
+    let bytes = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        metadata => metadata.with_context(unreadable)?.len(),
+    };
     if bytes > CREDENTIAL_BYTES_MAX {
         let path = path.display();
-        return Err(BadInput(format!(
-            "{path}: {bytes} bytes are no token and no certificate"
-        ))
-        .into());
+        let what = format!("{path}: {bytes} bytes are no token and no certificate");
+        return Err(BadInput(what).into());
     }
-    fs::read(path).with_context(unreadable)
+    Ok(Some(fs::read(path).with_context(unreadable)?))
 }

@@ -5,6 +5,7 @@ mod completions;
 mod connection;
 mod coordinator_serve;
 mod cores;
+mod credentials;
 mod dataset_command;
 mod failure;
 mod farm_mode;
@@ -65,6 +66,7 @@ enum Command {
     Pause(farm_mode::Pause),
     Resume(farm_mode::Resume),
     Drain(farm_mode::Drain),
+    Credentials(credentials::Options),
     /// Look at a store, check it, take its labels out
     #[command(subcommand)]
     Dataset(dataset_command::Command),
@@ -85,6 +87,7 @@ fn main() -> ExitCode {
         Command::Pause(options) => farm_mode::pause(&options),
         Command::Resume(options) => farm_mode::resume(&options),
         Command::Drain(options) => farm_mode::drain(&options),
+        Command::Credentials(options) => credentials::execute(&options),
         Command::Dataset(command) => dataset_command::execute(&command),
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),

@@ -176,7 +176,7 @@ fn wrong_orders_are_refused_with_the_right_code() {
             "does not answer",
         ),
         ("status --coordinator here", 2, "http(s)://HOST:PORT"),
-        ("status --token-file /nowhere", 1, "/nowhere"),
+        ("status --credentials /nowhere", 2, "/nowhere"),
     ] {
         let output = farm.run(arguments);
         let said = String::from_utf8_lossy(&output.stderr);

@@ -17,6 +17,7 @@ use crate::{
     file_error::FileError,
     ledger::{Ledger, LedgerError},
     limits,
+    metrics::Metrics,
     queue::Changes,
 };
 use std::{
@@ -24,6 +25,7 @@ use std::{
     panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, PoisonError, mpsc},
     thread::{self, JoinHandle},
+    time::Instant,
 };
 use thiserror::Error;
 use tokio::sync::{oneshot, watch};
@@ -67,11 +69,17 @@ impl Committer {
         blobs: Blobs,
         log: CompletionLog,
         ledger: Arc<dyn Ledger>,
+        metrics: Arc<Metrics>,
         durable: impl Fn(&[StagedFile]) + Send + 'static,
     ) -> Result<Self, FileError> {
         let (submissions, waiting) = mpsc::channel();
         let (failed, failure) = watch::channel(None);
-        let mut writer = Writer { blobs, log, ledger };
+        let mut writer = Writer {
+            blobs,
+            log,
+            ledger,
+            metrics,
+        };
         let thread = thread::Builder::new()
             .name("group commit".to_owned())
             .spawn(move || {
@@ -155,6 +163,7 @@ struct Writer {
     blobs: Blobs,
     log: CompletionLog,
     ledger: Arc<dyn Ledger>,
+    metrics: Arc<Metrics>,
 }
 
 fn run(
@@ -171,7 +180,9 @@ fn run(
             waiters.push(submission.durable);
         }
         if !batch.changes.is_empty() {
+            let began = Instant::now();
             writer.write(&batch)?;
+            writer.metrics.note_commit(began.elapsed(), waiters.len());
         }
         durable(&batch.images);
         for waiter in waiters {

@@ -10,6 +10,7 @@
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`export`] | the manifest as JSON Lines, CSV and Parquet |
 //! | [`verify`] | every image present, intact and what it says it is |
+//! | [`security`] | who may call, and how much a stranger can cost |
 //! | [`limits`] | every limit, with its unit |
 //!
 //! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
@@ -24,11 +25,13 @@ mod farm;
 mod file_error;
 pub mod ledger;
 pub mod limits;
+mod metrics;
 pub mod queue;
 mod rate;
 mod recovery;
 mod roster;
 mod running;
+pub mod security;
 mod service;
 mod staging;
 pub mod store;

@@ -45,6 +45,24 @@ pub const WORKER_RECORDS_MAX: usize = 100_000;
 /// nothing. More than the longest wait for a lease.
 pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
 
+/// Connections at one time whose peers have spoken.
+pub const CONNECTIONS_MAX: usize = 4096;
+
+/// Connections at one time whose peers have not spoken yet; of more the longest silent are closed.
+pub const SILENT_CONNECTIONS_MAX: usize = 1024;
+
+/// How long a peer may keep silent after connecting, and how long a TLS handshake may take.
+pub const SILENCE_MAX: Duration = Duration::from_secs(10);
+
+/// How long one message may take to arrive: 8 MiB over 3 Mbit/s fit.
+pub const MESSAGE_DEADLINE: Duration = Duration::from_secs(25);
+
+/// The headers of one call, bytes.
+pub const HEADER_BYTES_MAX: u32 = 16 << 10;
+
+/// Bytes of messages under way, of all calls together.
+pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
+
 /// Bytes of images accepted and not yet completed.
 pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 

@@ -121,7 +121,7 @@ fn channel(url: &str, credentials: &Credentials) -> Result<Channel, String> {
 fn tls(credentials: &Credentials, url: &str) -> Result<ClientTlsConfig, String> {
     let Some(authority) = &credentials.authority else {
         return Err(format!(
-            "{url} needs the certificate of the authority that vouches for it: pass --authority"
+            "{url} needs the certificate of the authority that vouches for it: pass --credentials with its authority.pem"
         ));
     };
     let mut tls = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(authority));
@@ -185,7 +185,7 @@ mod tests {
         let message = farm("http://192.0.2.1:1", &with_token()).unwrap_err();
         assert!(message.contains("in the clear"), "{message}");
         let message = farm("https://192.0.2.1:1", &with_token()).unwrap_err();
-        assert!(message.contains("--authority"), "{message}");
+        assert!(message.contains("authority.pem"), "{message}");
     }
 
     #[test]

@@ -125,6 +125,8 @@ impl Farm {
         };
         if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder) {
             state.bytes_received += completion.bytes();
+            self.metrics
+                .note_completion(completion.bytes(), completion.seconds);
             let images = completion.views.len() as u64;
             state.images_completed.count(images, now);
             state.roster.note_completion(holder.worker);

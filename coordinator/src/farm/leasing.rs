@@ -109,6 +109,7 @@ impl Farm {
                     .zip(&changes.jobs)
                     .map(|(token, change)| (*token, change.material))
                     .collect();
+                self.metrics.note_leases(jobs.len());
                 self.tell_leased(&name, &jobs);
                 return Ok(Leased {
                     jobs,

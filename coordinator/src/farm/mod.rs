@@ -22,6 +22,7 @@ use crate::{
     file_error::FileError,
     ledger::Ledger,
     limits,
+    metrics::Metrics,
     queue::{Changes, Counts, Policy, Queue},
     rate::Rate,
     roster::Roster,
@@ -99,6 +100,7 @@ pub(crate) struct Farm {
     blobs: Blobs,
     uploads: Arc<Semaphore>,
     checks_per_million: u32,
+    metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
 }
 
@@ -131,6 +133,7 @@ impl Farm {
     pub fn start(
         store: Store,
         options: &Options,
+        metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
     ) -> Result<(Self, File), FileError> {
         let specification = store.specification().clone();
@@ -167,6 +170,7 @@ impl Farm {
             blobs.clone(),
             state.log,
             Arc::clone(&ledger),
+            Arc::clone(&metrics),
             move |images| {
                 let mut state = committed.lock();
                 state.staging.published(images);
@@ -188,6 +192,7 @@ impl Farm {
             blobs,
             uploads: Arc::new(Semaphore::new(limits::UPLOADS_AT_ONCE_MAX)),
             checks_per_million: options.checks_per_million,
+            metrics,
             stopping,
         };
         Ok((farm, lock))

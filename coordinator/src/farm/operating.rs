@@ -58,6 +58,14 @@ impl Farm {
         }
     }
 
+    /// What Prometheus is told.
+    pub fn metrics_text(&self) -> String {
+        let report = self.report();
+        let free = self.blobs.free_bytes().unwrap_or(0);
+        self.metrics
+            .text(&report.progress, report.images_per_second, free)
+    }
+
     /// Materials set aside, the first few, with their errors.
     pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
         let state = self.shared.lock();

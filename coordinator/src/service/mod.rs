@@ -7,6 +7,7 @@ mod refusal;
 
 pub(crate) use control::ControlService;
 pub(crate) use farm::FarmService;
+pub(crate) use refusal::refuse;
 
 use crate::token::{Token, WorkerId};
 use dataset::Digest;
