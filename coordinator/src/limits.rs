@@ -48,7 +48,11 @@ pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
 /// Connections at one time whose peers have spoken.
 pub const CONNECTIONS_MAX: usize = 4096;
 
-/// Connections at one time whose peers have not spoken yet; of more the longest silent are closed.
+/// Connections that the system keeps until they are accepted.
+pub const ACCEPT_QUEUE_MAX: u32 = 4096;
+
+/// Connections at one time whose peers have not spoken yet; of more the longest silent half are
+/// closed.
 pub const SILENT_CONNECTIONS_MAX: usize = 1024;
 
 /// How long a peer may keep silent after connecting, and how long a TLS handshake may take.

@@ -156,7 +156,7 @@ impl Coordinator {
             address: listen,
             source,
         };
-        let listener = TcpListener::bind(listen).await.map_err(unable)?;
+        let listener = doorway::listen(listen).map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
         let metrics = Arc::<Metrics>::default();
         let server = server(&options.security, Arc::clone(&metrics))?;

@@ -1,13 +1,14 @@
 //! Accepting connections, of which a stranger can open any number.
 //!
 //! A connection counts once its peer has spoken: until then it waits in a doorway from which the
-//! longest silent are put out when it is full, and everybody after a while. Honest clients speak
+//! longest silent half are put out when it is full, and everybody after a while. Honest clients speak
 //! at once, so they get through however many stand there. The number of those inside is bounded.
 
 use crate::limits;
 use std::{
     collections::VecDeque,
     io,
+    net::SocketAddr,
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
@@ -15,7 +16,7 @@ use std::{
 };
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
-    net::{TcpListener, TcpStream},
+    net::{TcpListener, TcpSocket, TcpStream},
     sync::{OwnedSemaphorePermit, Semaphore, mpsc},
     task::{AbortHandle, JoinSet},
     time::{sleep, timeout},
@@ -33,6 +34,19 @@ const FULL_PAUSE: Duration = Duration::from_millis(50);
 pub(crate) struct Guest {
     stream: TcpStream,
     _place: OwnedSemaphorePermit,
+}
+
+/// Listens on an address. The system's own queue is made long: where it overflows an honest client
+/// waits a second for its next try.
+pub(crate) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    // A coordinator that starts again takes the address of the one before at once.
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(limits::ACCEPT_QUEUE_MAX)
 }
 
 /// Accepts connections for ever. With `preface` peers have to have sent that of HTTP/2, not only a
@@ -68,11 +82,13 @@ async fn stand(
                 continue;
             }
         };
-        handles.retain(|handle| !handle.is_finished());
-        if handles.len() >= limits::SILENT_CONNECTIONS_MAX
-            && let Some(longest) = handles.pop_front()
-        {
-            longest.abort();
+        if handles.len() >= limits::SILENT_CONNECTIONS_MAX {
+            handles.retain(|handle| !handle.is_finished());
+            // Half at once, so that a flood costs little for each of its connections.
+            let surplus = handles
+                .len()
+                .saturating_sub(limits::SILENT_CONNECTIONS_MAX / 2);
+            handles.drain(..surplus).for_each(|longest| longest.abort());
         }
         let welcome = welcome(stream, preface, Arc::clone(&places), inside.clone());
         handles.push_back(silent.spawn(async {

@@ -290,6 +290,7 @@ mod tests {
         assert_eq!(refused.code(), Code::DeadlineExceeded);
         assert!(began.elapsed() < 2 * limits::MESSAGE_DEADLINE);
 
+        drop(slow);
         let others = metered(Trickle { frames: 0 });
         assert!(others.share.take(limits::MESSAGES_BYTES_MAX));
         let mut surplus = metered(Trickle { frames: 1 });
