@@ -4,6 +4,7 @@
 //! `tests/throughput.sh` runs it in release, where it has its mark to meet.
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#![allow(clippy::print_stdout, reason = "the figures are what this run is for")]
 
 #[path = "../../coordinator/tests/store/cheap_image.rs"]
 mod cheap_image;
