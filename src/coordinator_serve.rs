@@ -1,12 +1,16 @@
 //! `brdfarm coordinator serve`: the coordinator alone.
 
+use crate::connection::{read_if_there, text};
+use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{shutdown, specification};
 use clap::{Args, Subcommand};
+use coordinator::security::{Security, Tls};
 use coordinator::{Coordinator, Policy, Store};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What a coordinator can be told.
@@ -29,13 +33,29 @@ pub struct Options {
     /// Where to listen; port 0 takes a free one. The URL for workers is printed
     #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
+    /// A folder with certificate.pem, key.pem and tokens, and with client-authority.pem where
+    /// clients have to show a certificate; `brdfarm credentials` makes it
+    #[arg(long, value_name = "DIR")]
+    credentials: Option<PathBuf>,
     /// Allow an address that other machines reach, without encryption and without tokens
     #[arg(long)]
     insecure: bool,
+    /// Serve Prometheus metrics at http://IP:PORT/metrics, to everybody who can reach it
+    #[arg(long, value_name = "IP:PORT")]
+    metrics: Option<SocketAddr>,
     /// How long a worker may be silent before its work is given to others
     #[arg(long, default_value_t = coordinator::limits::LEASE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     lease_seconds: u64,
+    /// How long one material may take before it is given to another worker
+    #[arg(long, default_value_t = coordinator::limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
+    job_deadline_seconds: u64,
+    /// Percent of the materials that a second worker renders again, to the same bytes or somebody
+    /// is barred
+    #[arg(long, default_value_t = f64::from(coordinator::limits::CHECKS_PER_MILLION) / 1e4,
+          value_name = "PERCENT", value_parser = percent)]
+    check_percent: f64,
     /// End once every material is complete
     #[arg(long)]
     exit_when_complete: bool,
@@ -44,29 +64,73 @@ pub struct Options {
 /// Serves.
 pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
-    Coordinator::check(&specification, &options.for_coordinator())?;
+    let for_coordinator = options.for_coordinator()?;
+    Coordinator::check(&specification, &for_coordinator)?;
     let store = Store::open_or_create(&options.store, &specification)?;
     let runtime = tokio::runtime::Runtime::new()?;
-    runtime.block_on(serve(options, store))
+    runtime.block_on(serve(options, for_coordinator, store))
 }
 
 impl Options {
-    fn for_coordinator(&self) -> coordinator::Options {
-        coordinator::Options {
+    fn for_coordinator(&self) -> anyhow::Result<coordinator::Options> {
+        Ok(coordinator::Options {
             listen: self.listen,
+            security: match &self.credentials {
+                Some(folder) => security(folder)?,
+                None => Security::default(),
+            },
             insecure: self.insecure,
+            metrics: self.metrics,
             policy: Policy {
                 lease: Duration::from_secs(self.lease_seconds),
+                deadline: Duration::from_secs(self.job_deadline_seconds),
                 ..Policy::default()
             },
+            checks_per_million: (self.check_percent * 1e4).round() as u32,
             ..coordinator::Options::default()
-        }
+        })
     }
 }
 
-async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
+/// Reads a coordinator's credentials.
+fn security(folder: &Path) -> anyhow::Result<Security> {
+    let file = |name: &str| {
+        let path = folder.join(name);
+        let absent = || BadInput(format!("--credentials: there is no {}", path.display()));
+        Ok::<_, anyhow::Error>(read_if_there(&path)?.ok_or_else(absent)?)
+    };
+    let tokens = text(file("tokens")?, "tokens")?.parse();
+    let tokens = tokens.map_err(|error| {
+        BadInput(format!(
+            "--credentials: {}: {error}",
+            folder.join("tokens").display()
+        ))
+    })?;
+    Ok(Security {
+        tls: Some(Tls {
+            certificate: file("certificate.pem")?,
+            key: file("key.pem")?,
+            client_authority: read_if_there(&folder.join("client-authority.pem"))?,
+        }),
+        tokens: Some(tokens),
+    })
+}
+
+fn percent(text: &str) -> Result<f64, String> {
+    let percent = text.parse().ok();
+    percent
+        .filter(|percent| (0.0..=100.0).contains(percent))
+        .ok_or_else(|| "a number from 0 to 100 is wanted".to_owned())
+}
+
+async fn serve(
+    options: &Options,
+    for_coordinator: coordinator::Options,
+    store: Store,
+) -> anyhow::Result<()> {
+    raise_open_files();
     let mut asked = shutdown::flag()?;
-    let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
+    let coordinator = Coordinator::start(store, for_coordinator).await?;
     writeln!(io::stdout(), "listening on {}", coordinator.url())?;
     let outcome = tokio::select! {
         () = shutdown::raised(&mut asked) => Ok(()),
@@ -86,13 +150,27 @@ async fn serve(options: &Options, store: Store) -> anyhow::Result<()> {
     };
     let progress = *coordinator.progress().borrow();
     coordinator.shutdown().await;
-    writeln!(
+    let told = writeln!(
         io::stdout(),
         "{} of {} complete, {} in {}",
         progress.counts.completed,
         count(progress.counts.materials, "material"),
         count(progress.images, "image"),
         options.store.display()
-    )?;
-    outcome
+    );
+    // A failure counts even where nobody reads the summary any more.
+    outcome?;
+    Ok(told?)
+}
+
+/// A farm has a connection a worker, and the system's first limit is low.
+fn raise_open_files() {
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    if let Err(error) = setrlimit(Resource::Nofile, raised) {
+        tracing::warn!(%error, "the number of open files stays as it is");
+    }
 }

@@ -70,7 +70,11 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
         )
         || matches!(
             cause.downcast_ref(),
-            Some(CoordinatorError::Exposed(_) | CoordinatorError::ImageTooLarge { .. })
+            Some(
+                CoordinatorError::Exposed(_)
+                    | CoordinatorError::ImageTooLarge { .. }
+                    | CoordinatorError::Certificate(_)
+            )
         )
         || matches!(cause.downcast_ref(), Some(WorkerError::Url(_)))
         || matches!(

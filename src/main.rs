@@ -2,11 +2,16 @@
 
 mod brdf;
 mod completions;
+mod connection;
 mod coordinator_serve;
 mod cores;
+mod credentials;
 mod dataset_command;
 mod failure;
+mod farm_mode;
 mod index_list;
+mod jobs;
+mod materials;
 mod output;
 mod picture;
 mod plural;
@@ -16,8 +21,10 @@ mod report;
 mod run;
 mod shutdown;
 mod specification;
+mod status;
 mod telemetry;
 mod worker_connect;
+mod workers;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -51,6 +58,17 @@ enum Command {
     /// Render for a coordinator
     #[command(subcommand)]
     Worker(worker_connect::Command),
+    Status(status::Options),
+    /// List, show, retry, cancel and prioritize jobs
+    #[command(subcommand)]
+    Jobs(jobs::Command),
+    /// List workers, bar and unbar them
+    #[command(subcommand)]
+    Workers(workers::Command),
+    Pause(farm_mode::Pause),
+    Resume(farm_mode::Resume),
+    Drain(farm_mode::Drain),
+    Credentials(credentials::Options),
     /// Look at a store, check it, mend it, take out what is in it
     #[command(subcommand)]
     Dataset(dataset_command::Command),
@@ -66,6 +84,13 @@ fn main() -> ExitCode {
         Command::Run(options) => run::execute(&options),
         Command::Coordinator(command) => coordinator_serve::execute(&command),
         Command::Worker(command) => worker_connect::execute(&command),
+        Command::Status(options) => status::execute(&options),
+        Command::Jobs(command) => jobs::execute(&command),
+        Command::Workers(command) => workers::execute(&command),
+        Command::Pause(options) => farm_mode::pause(&options),
+        Command::Resume(options) => farm_mode::resume(&options),
+        Command::Drain(options) => farm_mode::drain(&options),
+        Command::Credentials(options) => credentials::execute(&options),
         Command::Dataset(command) => dataset_command::execute(&command),
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),

@@ -5,7 +5,7 @@ use crate::plural::count;
 use crate::progress::FarmBar;
 use crate::{cores, shutdown, specification};
 use clap::Args;
-use coordinator::{Coordinator, Progress, ReadOnlyStore, RunningCoordinator, Store};
+use coordinator::{Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator, Store};
 use export::manifest::{Format, export};
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
@@ -39,6 +39,9 @@ pub struct Options {
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
 }
+
+/// Failures after which a material is set aside.
+const LOCAL_FAILURES_MAX: u32 = 3;
 
 /// What rendering came to.
 struct Rendered {
@@ -125,6 +128,14 @@ fn coordinator_options() -> coordinator::Options {
     coordinator::Options {
         // The workers of an earlier run were part of its process, and nobody else knew its address.
         keep_leases: false,
+        // They share one machine: what it gets wrong it may get wrong twice.
+        checks_per_million: 0,
+        policy: Policy {
+            failures_max: LOCAL_FAILURES_MAX,
+            // Nobody else is there to do the work of a worker that is barred.
+            jobs_failed_max: u32::MAX,
+            ..Policy::default()
+        },
         ..coordinator::Options::default()
     }
 }

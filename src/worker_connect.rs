@@ -1,5 +1,6 @@
 //! `brdfarm worker connect`: a worker of a coordinator elsewhere.
 
+use crate::connection::CredentialOptions;
 use crate::plural::count;
 use crate::{cores, shutdown};
 use clap::{Args, Subcommand};
@@ -25,7 +26,8 @@ pub struct Options {
     /// The coordinator, as in http://127.0.0.1:7117
     #[arg(value_name = "URL")]
     url: String,
-    /// The worker's name in logs [default: worker- and the number of its process]
+    /// The worker's name: failures and bars are counted by it, so one that stays the same when the
+    /// worker starts again is better [default: the machine's name and the process's number]
     #[arg(long)]
     name: Option<String>,
     /// Threads to render with; 0 takes one a core
@@ -35,6 +37,8 @@ pub struct Options {
     /// What traces the rays: auto, native or embree; the images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
+    #[command(flatten)]
+    credentials: CredentialOptions,
     /// Stay when nothing is left to do, for a set that may grow
     #[arg(long)]
     stay: bool,
@@ -43,7 +47,10 @@ pub struct Options {
 /// Works.
 pub fn execute(Command::Connect(options): &Command) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Runtime::new()?;
-    let summary = runtime.block_on(work(options))?;
+    let summary = runtime.block_on(work(options));
+    // A view that cannot be interrupted would keep the process.
+    runtime.shutdown_background();
+    let summary = summary?;
     writeln!(
         io::stdout(),
         "{}, {}; {} failed, {} lost to others",
@@ -61,6 +68,7 @@ async fn work(options: &Options) -> anyhow::Result<Summary> {
         name: options.name.clone().unwrap_or(defaults.name),
         threads: cores::count(options.threads),
         leave_when_finished: !options.stay,
+        credentials: options.credentials.load()?,
         ..defaults
     };
     let backend = options.backend;

@@ -109,6 +109,13 @@ impl Blobs {
             .map_err(FileError::new("sync the file system of", &self.root))
     }
 
+    /// Room on the file system that the store is on, bytes.
+    pub fn free_bytes(&self) -> Result<u64, FileError> {
+        let asked = rustix::fs::statvfs(&self.root);
+        let system = asked.map_err(|error| FileError::new("look at", &self.root)(error.into()))?;
+        Ok(system.f_bavail * system.f_frsize)
+    }
+
     /// Where an image is or would be.
     pub fn path(&self, digest: &Digest) -> PathBuf {
         self.root.join(blob_path(digest))

@@ -13,17 +13,19 @@
 use crate::{
     blobs::{Blobs, StagedFile},
     completion::Completion,
-    completion_log::CompletionLog,
+    completion_log::{CompletionLog, Entry, Retraction},
     file_error::FileError,
     ledger::{Ledger, LedgerError},
     limits,
-    queue::Change,
+    metrics::Metrics,
+    queue::Changes,
 };
 use std::{
     io,
     panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, PoisonError, mpsc},
     thread::{self, JoinHandle},
+    time::Instant,
 };
 use thiserror::Error;
 use tokio::sync::{oneshot, watch};
@@ -37,7 +39,7 @@ pub struct NotDurable(pub Option<String>);
 /// What one submission makes durable.
 #[derive(Debug, Default)]
 pub(crate) struct Transition {
-    pub changes: Vec<Change>,
+    pub changes: Changes,
     pub completion: Option<Completion>,
     /// The images of the completion that are not in the store yet.
     pub images: Vec<StagedFile>,
@@ -66,12 +68,18 @@ impl Committer {
     pub fn start(
         blobs: Blobs,
         log: CompletionLog,
-        ledger: Arc<Ledger>,
+        ledger: Arc<dyn Ledger>,
+        metrics: Arc<Metrics>,
         durable: impl Fn(&[StagedFile]) + Send + 'static,
     ) -> Result<Self, FileError> {
         let (submissions, waiting) = mpsc::channel();
         let (failed, failure) = watch::channel(None);
-        let mut writer = Writer { blobs, log, ledger };
+        let mut writer = Writer {
+            blobs,
+            log,
+            ledger,
+            metrics,
+        };
         let thread = thread::Builder::new()
             .name("group commit".to_owned())
             .spawn(move || {
@@ -154,7 +162,8 @@ impl Pending {
 struct Writer {
     blobs: Blobs,
     log: CompletionLog,
-    ledger: Arc<Ledger>,
+    ledger: Arc<dyn Ledger>,
+    metrics: Arc<Metrics>,
 }
 
 fn run(
@@ -165,19 +174,17 @@ fn run(
     while let Ok(first) = waiting.recv() {
         let more = waiting.try_iter().take(limits::COMMIT_BATCH_MAX - 1);
         let mut waiters = Vec::new();
-        let mut changes = Vec::new();
-        let mut completions = Vec::new();
-        let mut images = Vec::new();
+        let mut batch = Batch::default();
         for submission in std::iter::once(first).chain(more) {
-            changes.extend(submission.transition.changes);
-            completions.extend(submission.transition.completion);
-            images.extend(submission.transition.images);
+            batch.add(submission.transition);
             waiters.push(submission.durable);
         }
-        if !changes.is_empty() {
-            writer.write(&changes, &completions, &images)?;
+        if !batch.changes.is_empty() {
+            let began = Instant::now();
+            writer.write(&batch)?;
+            writer.metrics.note_commit(began.elapsed(), waiters.len());
         }
-        durable(&images);
+        durable(&batch.images);
         for waiter in waiters {
             // Whoever asked may have gone; the transition stands.
             let _ = waiter.send(());
@@ -186,16 +193,37 @@ fn run(
     Ok(())
 }
 
+/// What becomes durable together.
+#[derive(Default)]
+struct Batch {
+    changes: Changes,
+    completions: Vec<Completion>,
+    images: Vec<StagedFile>,
+    // In the order of the transitions: of a completion and its retraction the later counts.
+    lines: Vec<Entry>,
+}
+
+impl Batch {
+    fn add(&mut self, transition: Transition) {
+        let retracted = transition.changes.retracted.iter();
+        let retracted = retracted.map(|material| Retraction {
+            retracted: *material,
+        });
+        self.lines.extend(retracted.map(Entry::Retracted));
+        if let Some(completion) = transition.completion {
+            self.lines.push(Entry::Completed(completion.clone()));
+            self.completions.push(completion);
+        }
+        self.changes.extend(transition.changes);
+        self.images.extend(transition.images);
+    }
+}
+
 impl Writer {
-    fn write(
-        &mut self,
-        changes: &[Change],
-        completions: &[Completion],
-        images: &[StagedFile],
-    ) -> Result<(), LedgerError> {
-        self.blobs.publish(images.iter())?;
-        self.log.append(completions)?;
-        self.ledger.apply(changes, completions)?;
+    fn write(&mut self, batch: &Batch) -> Result<(), LedgerError> {
+        self.blobs.publish(batch.images.iter())?;
+        self.log.append_entries(&batch.lines)?;
+        self.ledger.apply(&batch.changes, &batch.completions)?;
         self.ledger.sync()
     }
 }

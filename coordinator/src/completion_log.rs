@@ -2,12 +2,13 @@
 //! and which readers read, with or without a coordinator at work.
 //!
 //! A line is the first 16 hexadecimal digits of the BLAKE3 hash of a JSON text, a space, the JSON
-//! text of a [`Completion`], and a newline. Lines are only ever appended; where a material occurs
-//! twice the later line counts. A crash can tear the last line, which is then cut off; a line that
+//! text of a [`Completion`] or of a [`Retraction`], and a newline. Lines are only ever appended;
+//! where a material occurs twice the later line counts. A crash can tear the last line, which is then cut off; a line that
 //! is damaged elsewhere is passed over and reported.
 
 use crate::{completion::Completion, file_error::FileError, limits};
 use dataset::Digest;
+use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
@@ -20,6 +21,24 @@ const CHECKSUM_DIGITS: usize = 16;
 
 /// The most damaged lines whose numbers are kept.
 const BAD_LINES_LISTED_MAX: usize = 64;
+
+/// A line that takes a material's completion back: what was delivered was wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Retraction {
+    /// The material's index.
+    pub retracted: u32,
+}
+
+/// What one line says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Entry {
+    /// A material was completed.
+    Completed(Completion),
+    /// Its completion no longer counts.
+    Retracted(Retraction),
+}
 
 /// Where a line stands in the file.
 #[derive(Clone, Copy, Debug)]
@@ -76,8 +95,11 @@ impl Completions {
                 bytes: line.len() as u32,
             };
             match decode(&line) {
-                Some(completion) => {
+                Some(Entry::Completed(completion)) => {
                     found.places.insert(completion.material, place);
+                }
+                Some(Entry::Retracted(Retraction { retracted })) => {
+                    found.places.remove(&retracted);
                 }
                 None => found.note_bad_line(number),
             }
@@ -116,7 +138,10 @@ impl Completions {
         self.file
             .read_exact_at(&mut line, place.offset)
             .map_err(FileError::new("read", &self.path))?;
-        Ok(decode(&line))
+        Ok(match decode(&line) {
+            Some(Entry::Completed(completion)) => Some(completion),
+            _ => None,
+        })
     }
 
     fn note_bad_line(&mut self, number: u64) {
@@ -152,15 +177,22 @@ impl CompletionLog {
         Ok((Self { file, path }, found))
     }
 
-    /// Appends completions and syncs. After an error the end of the file may be torn: nothing can
-    /// be appended until the log is opened anew.
+    /// Appends completions and syncs, as [`CompletionLog::append_entries`] does.
     pub fn append<'a>(
         &mut self,
         completions: impl IntoIterator<Item = &'a Completion>,
     ) -> Result<(), FileError> {
+        let completions = completions.into_iter().cloned();
+        let entries: Vec<Entry> = completions.map(Entry::Completed).collect();
+        self.append_entries(&entries)
+    }
+
+    /// Appends lines and syncs. After an error the end of the file may be torn: nothing can be
+    /// appended until the log is opened anew.
+    pub fn append_entries(&mut self, entries: &[Entry]) -> Result<(), FileError> {
         let mut lines = Vec::new();
-        for completion in completions {
-            encode(completion, &mut lines).map_err(FileError::new("append to", &self.path))?;
+        for entry in entries {
+            encode(entry, &mut lines).map_err(FileError::new("append to", &self.path))?;
         }
         if lines.is_empty() {
             return Ok(());
@@ -172,12 +204,12 @@ impl CompletionLog {
     }
 }
 
-fn encode(completion: &Completion, lines: &mut Vec<u8>) -> io::Result<()> {
-    let json = serde_json::to_string(completion)?;
+fn encode(entry: &Entry, lines: &mut Vec<u8>) -> io::Result<()> {
+    let json = serde_json::to_string(entry)?;
     writeln!(lines, "{} {json}", checksum(json.as_bytes()))
 }
 
-fn decode(line: &[u8]) -> Option<Completion> {
+fn decode(line: &[u8]) -> Option<Entry> {
     let line = line.strip_suffix(b"\n")?;
     let (sum, rest) = line.split_at_checked(CHECKSUM_DIGITS)?;
     let json = rest.strip_prefix(b" ")?;
@@ -262,6 +294,20 @@ mod tests {
         let found = Completions::open(&path).unwrap();
         assert_eq!(found.len(), 5);
         assert_eq!(found.get(3).unwrap(), Some(again), "the later line counts");
+    }
+
+    #[test]
+    fn a_retracted_completion_is_gone_until_it_is_completed_again() {
+        let (_folder, path) = log_of(3);
+        let (mut log, _) = CompletionLog::open(&path).unwrap();
+        let retraction = Entry::Retracted(Retraction { retracted: 1 });
+        log.append_entries(&[retraction]).unwrap();
+        let found = Completions::open(&path).unwrap();
+        assert_eq!(found.materials().collect::<Vec<_>>(), [0, 2]);
+        assert_eq!((found.get(1).unwrap(), found.bad_line_count), (None, 0));
+        log.append([&completion(1)]).unwrap();
+        let found = Completions::open(&path).unwrap();
+        assert_eq!(found.get(1).unwrap(), Some(completion(1)));
     }
 
     #[test]

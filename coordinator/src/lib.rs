@@ -11,6 +11,7 @@
 //! | [`verify`] | every image present, intact and what it says it is |
 //! | [`repair`] | what `verify` finds is rendered again |
 //! | [`garbage`] | files among the images that nothing names |
+//! | [`security`] | who may call, and how much a stranger can cost |
 //! | [`limits`] | every limit, with its unit |
 //!
 //! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
@@ -25,11 +26,14 @@ mod file_error;
 pub mod garbage;
 pub mod ledger;
 pub mod limits;
+mod metrics;
 pub mod queue;
+mod rate;
 mod recovery;
 pub mod repair;
 mod roster;
 mod running;
+pub mod security;
 mod service;
 mod staging;
 pub mod store;

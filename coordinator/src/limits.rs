@@ -10,8 +10,26 @@ pub const LEASE: Duration = Duration::from_secs(60);
 /// take.
 pub const STALL: Duration = Duration::from_secs(3600);
 
-/// Failures of one material, reported by workers, after which it is set aside.
-pub const FAILURES_MAX: u32 = 3;
+/// How long a lease is prolonged at all: the longest that one material may take.
+pub const JOB_DEADLINE: Duration = Duration::from_secs(6 * 3600);
+
+/// Different workers on which one material fails before it is set aside.
+pub const WORKERS_FAILED_MAX: u32 = 3;
+
+/// Failures after which a material is set aside in a farm that has fewer workers than that.
+pub const FAILURES_MAX: u32 = 6;
+
+/// Different materials that a worker fails in a row before it is barred.
+pub const JOBS_FAILED_MAX: u32 = 3;
+
+/// Failures in a row that are kept of a worker. A policy that allows more bars nobody.
+pub const WORKER_FAILURES_KEPT_MAX: usize = 64;
+
+/// How long a worker is barred over failures.
+pub const BAR: Duration = Duration::from_secs(600);
+
+/// Of a million completed materials, how many are rendered a second time by another worker.
+pub const CHECKS_PER_MILLION: u32 = 10_000;
 
 /// Leases of one material that may run out before it is set aside: a material that takes its
 /// worker down every time is not handed out for ever.
@@ -20,9 +38,34 @@ pub const LEASES_LOST_MAX: u32 = 10;
 /// Workers registered at one time.
 pub const WORKERS_MAX: usize = 10_000;
 
+/// Names of workers whose failures are remembered; bars always are.
+pub const WORKER_RECORDS_MAX: usize = 100_000;
+
 /// How long a worker counts as present after its last call, and is remembered when it holds
 /// nothing. More than the longest wait for a lease.
 pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
+
+/// Connections at one time whose peers have spoken.
+pub const CONNECTIONS_MAX: usize = 4096;
+
+/// Connections that the system keeps until they are accepted.
+pub const ACCEPT_QUEUE_MAX: u32 = 4096;
+
+/// Connections at one time whose peers have not spoken yet; of more the longest silent half are
+/// closed.
+pub const SILENT_CONNECTIONS_MAX: usize = 1024;
+
+/// How long a peer may keep silent after connecting, and how long a TLS handshake may take.
+pub const SILENCE_MAX: Duration = Duration::from_secs(10);
+
+/// How long one message may take to arrive: 8 MiB over 3 Mbit/s fit.
+pub const MESSAGE_DEADLINE: Duration = Duration::from_secs(25);
+
+/// The headers of one call, bytes.
+pub const HEADER_BYTES_MAX: u32 = 16 << 10;
+
+/// Bytes of messages under way, of all calls together.
+pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
 /// Bytes of images accepted and not yet completed.
 pub const STAGED_BYTES_MAX: u64 = 2 << 30;

@@ -9,8 +9,8 @@ use crate::{
     completion::Completion,
     completion_log::{CompletionLog, Completions},
     file_error::FileError,
-    ledger::{Ledger, LedgerError},
-    queue::{Change, JobRecord, JobState},
+    ledger::{Ledger, LedgerError, SledLedger},
+    queue::{Changes, Check, JobChange, JobRecord, JobState},
 };
 use std::{
     collections::BTreeMap,
@@ -38,9 +38,9 @@ pub struct Recovery {
 
 /// A store's state, open and agreeing with itself.
 pub(crate) struct Recovered {
-    pub ledger: Ledger,
+    pub ledger: SledLedger,
     pub log: CompletionLog,
-    pub jobs: Vec<Change>,
+    pub kept: Changes,
     pub recovery: Recovery,
 }
 
@@ -57,35 +57,36 @@ pub(crate) fn recover(
         log_bytes_cut: logged.torn_bytes,
         ..Recovery::default()
     };
-    let (ledger, jobs) = match Ledger::open(ledger_path) {
+    let (ledger, mut kept) = match SledLedger::open(ledger_path) {
         Err(LedgerError::Damaged(reason)) => {
             let aside = set_aside(ledger_path)?;
             tracing::warn!(reason, aside = %aside.display(), "the ledger is set aside");
             recovery.ledger_set_aside = Some(aside);
-            Ledger::open(ledger_path)?
+            SledLedger::open(ledger_path)?
         }
         opened => opened?,
     };
-    let mut jobs: BTreeMap<u32, JobRecord> = jobs
+    let mut jobs: BTreeMap<u32, JobRecord> = std::mem::take(&mut kept.jobs)
         .into_iter()
         .map(|change| (change.material, change.record))
         .collect();
     recover_from_log(&ledger, &logged, blobs, views, &mut jobs, &mut recovery)?;
     restore_log(&ledger, &mut log, &logged, &mut jobs, &mut recovery)?;
     report(&recovery, &logged);
+    kept.jobs = jobs
+        .into_iter()
+        .map(|(material, record)| JobChange { material, record })
+        .collect();
     Ok(Recovered {
         ledger,
         log,
-        jobs: jobs
-            .into_iter()
-            .map(|(material, record)| Change { material, record })
-            .collect(),
+        kept,
         recovery,
     })
 }
 
 fn recover_from_log(
-    ledger: &Ledger,
+    ledger: &SledLedger,
     logged: &Completions,
     blobs: &Blobs,
     views: usize,
@@ -106,18 +107,20 @@ fn recover_from_log(
         let record = JobRecord {
             state: JobState::Completed {
                 fingerprint: completion.fingerprint(),
+                worker: completion.worker.clone(),
+                check: Check::None,
             },
             ..jobs.remove(&material).unwrap_or_default()
         };
         jobs.insert(material, record.clone());
-        ledger.apply(&[Change { material, record }], &[completion])?;
+        ledger.apply(&one(material, record), &[completion])?;
         recovery.completions_recovered += 1;
     }
     ledger.sync()
 }
 
 fn restore_log(
-    ledger: &Ledger,
+    ledger: &SledLedger,
     log: &mut CompletionLog,
     logged: &Completions,
     jobs: &mut BTreeMap<u32, JobRecord>,
@@ -136,12 +139,19 @@ fn restore_log(
             None => {
                 job.state = JobState::Pending;
                 let (material, record) = (*material, job.clone());
-                ledger.apply(&[Change { material, record }], &[])?;
+                ledger.apply(&one(material, record), &[])?;
                 recovery.materials_reopened += 1;
             }
         }
     }
     ledger.sync()
+}
+
+fn one(material: u32, record: JobRecord) -> Changes {
+    Changes {
+        jobs: vec![JobChange { material, record }],
+        ..Changes::default()
+    }
 }
 
 fn is_completed(job: Option<&JobRecord>) -> bool {

@@ -3,13 +3,16 @@
 use crate::{limits, token::WorkerId};
 use std::{collections::HashMap, time::Duration};
 
-struct Member {
-    name: String,
-    seen: Duration,
+/// One registration.
+pub(crate) struct Member {
+    pub name: String,
+    pub seen: Duration,
+    /// Materials completed since it registered here.
+    pub completed: u64,
 }
 
-/// Names of workers and when each was last heard of. Kept in memory alone: after a restart workers
-/// register again, under the ids they have.
+/// When each worker was last heard of. Kept in memory alone: after a restart workers register
+/// again, under the ids they have.
 #[derive(Default)]
 pub(crate) struct Roster {
     members: HashMap<WorkerId, Member>,
@@ -21,7 +24,14 @@ impl Roster {
         if self.members.len() >= limits::WORKERS_MAX && !self.members.contains_key(&worker) {
             return false;
         }
-        self.members.insert(worker, Member { name, seen: now });
+        let before = self.members.get(&worker);
+        let completed = before.map_or(0, |member| member.completed);
+        let member = Member {
+            name,
+            seen: now,
+            completed,
+        };
+        self.members.insert(worker, member);
         true
     }
 
@@ -31,26 +41,56 @@ impl Roster {
         member.map(|member| member.seen = now).is_some()
     }
 
-    /// A worker's name, for logs; the id where it has not registered since the restart.
+    /// A worker's name; empty where it is not registered.
     pub fn name(&self, worker: WorkerId) -> String {
         let member = self.members.get(&worker);
-        member.map_or_else(|| worker.to_string(), |member| member.name.clone())
+        member.map_or_else(String::new, |member| member.name.clone())
     }
 
-    pub fn remove(&mut self, worker: WorkerId) {
-        self.members.remove(&worker);
+    /// Counts a completion.
+    pub fn note_completion(&mut self, worker: WorkerId) {
+        if let Some(member) = self.members.get_mut(&worker) {
+            member.completed += 1;
+        }
+    }
+
+    /// Takes a worker out; its name, if it was in.
+    pub fn remove(&mut self, worker: WorkerId) -> Option<String> {
+        Some(self.members.remove(&worker)?.name)
     }
 
     /// Workers heard of lately.
     pub fn present(&self, now: Duration) -> u32 {
-        let lately = |member: &&Member| now.saturating_sub(member.seen) < limits::WORKER_ABSENT;
-        self.members.values().filter(lately).count() as u32
+        let members = self.members.values();
+        members.filter(|member| is_present(member, now)).count() as u32
     }
 
-    /// Forgets workers that were not heard of and hold nothing.
-    pub fn forget_absent(&mut self, now: Duration, holds: impl Fn(WorkerId) -> bool) {
-        self.members.retain(|worker, member| {
-            now.saturating_sub(member.seen) < limits::WORKER_ABSENT || holds(*worker)
-        });
+    /// Everybody who is in.
+    pub fn members(&self) -> impl Iterator<Item = (WorkerId, &Member)> {
+        self.members
+            .iter()
+            .map(|(worker, member)| (*worker, member))
     }
+
+    /// Forgets workers that were not heard of and hold nothing, and says which.
+    pub fn forget_absent(
+        &mut self,
+        now: Duration,
+        holds: impl Fn(WorkerId) -> bool,
+    ) -> Vec<WorkerId> {
+        let absent = self.members.iter();
+        let absent = absent
+            .filter(|(worker, member)| !is_present(member, now) && !holds(**worker))
+            .map(|(worker, _)| *worker);
+        let absent: Vec<WorkerId> = absent.collect();
+        for worker in &absent {
+            self.members.remove(worker);
+        }
+        absent
+    }
+}
+
+/// Whether a worker was heard of lately.
+pub(crate) fn is_present(member: &Member, now: Duration) -> bool {
+    now.saturating_sub(member.seen) < limits::WORKER_ABSENT
 }

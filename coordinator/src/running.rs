@@ -4,8 +4,14 @@ use crate::{
     farm::{Farm, Progress},
     file_error::FileError,
     limits,
+    metrics::{self, Metrics},
     queue::Policy,
-    service::Service,
+    security::{
+        Security,
+        doorway::{self, Guest},
+        guard::Guard,
+    },
+    service::{ControlService, FarmService},
     store::Store,
 };
 use dataset::{
@@ -13,6 +19,7 @@ use dataset::{
     specification::{Image, Pixel},
 };
 use std::{
+    error::Error as _,
     fs::File,
     io,
     net::{Ipv4Addr, SocketAddr},
@@ -25,18 +32,26 @@ use tokio::{
     task::{JoinSet, spawn_blocking},
     time::{sleep, timeout},
 };
-use tokio_stream::wrappers::TcpListenerStream;
-use tonic::transport::Server;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::{self, Certificate, Server, ServerTlsConfig};
+use tower::layer::util::{Identity, Stack};
 
 /// Where and how a coordinator serves.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Options {
     /// The address to listen on; port 0 takes a free one.
     pub listen: SocketAddr,
-    /// Whether an address that other machines reach may be served without encryption or tokens.
+    /// What protects it.
+    pub security: Security,
+    /// Whether an address that other machines reach may be served without that.
     pub insecure: bool,
+    /// Where to serve Prometheus metrics, over plain HTTP and to everybody; nowhere unless asked.
+    pub metrics: Option<SocketAddr>,
     /// The queue's limits.
     pub policy: Policy,
+    /// Of a million completed materials, how many are rendered a second time by another worker, and
+    /// have to come out the same.
+    pub checks_per_million: u32,
     /// Whether materials that were set aside get another chance now.
     pub retry_set_aside: bool,
     /// Whether leases of before the start go on. False where nobody can hold one any more, as when
@@ -48,8 +63,11 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            security: Security::default(),
             insecure: false,
+            metrics: None,
             policy: Policy::default(),
+            checks_per_million: limits::CHECKS_PER_MILLION,
             retry_set_aside: true,
             keep_leases: true,
         }
@@ -61,8 +79,9 @@ impl Default for Options {
 pub enum CoordinatorError {
     /// The address is for others to reach, and nothing protects it.
     #[error(
-        "{0} can be reached from other machines, and nothing protects it: listen on a loopback \
-         address, or pass --insecure where the network itself is trusted"
+        "{0} can be reached from other machines, and nothing protects it: pass --credentials, which \
+         `brdfarm credentials` makes, or listen on a loopback address, or pass --insecure where the \
+         network itself is trusted"
     )]
     Exposed(SocketAddr),
     /// The address cannot be listened on.
@@ -87,6 +106,9 @@ pub enum CoordinatorError {
         /// The most that such an image has.
         bytes: u64,
     },
+    /// The certificate or its key cannot be used.
+    #[error("the certificate, its key or the client authority cannot be used: {0}")]
+    Certificate(String),
     /// The store can no longer be written.
     #[error("the store can no longer be written: {0}")]
     Store(String),
@@ -99,6 +121,7 @@ pub enum CoordinatorError {
 /// under way end.
 pub struct RunningCoordinator {
     address: SocketAddr,
+    scheme: &'static str,
     farm: Arc<Farm>,
     tasks: JoinSet<()>,
     stop: watch::Sender<bool>,
@@ -115,7 +138,8 @@ impl Coordinator {
     /// # Errors
     /// When the address is exposed without consent, or an image may not fit a message.
     pub fn check(specification: &Specification, options: &Options) -> Result<(), CoordinatorError> {
-        if !options.listen.ip().is_loopback() && !options.insecure {
+        let closed = options.security.is_closed() || options.insecure;
+        if !options.listen.ip().is_loopback() && !closed {
             return Err(CoordinatorError::Exposed(options.listen));
         }
         check_image_size(&specification.image)
@@ -132,17 +156,36 @@ impl Coordinator {
             address: listen,
             source,
         };
-        let listener = TcpListener::bind(listen).await.map_err(unable)?;
+        let listener = doorway::listen(listen).map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
+        let metrics = Arc::<Metrics>::default();
+        let server = server(&options.security, Arc::clone(&metrics))?;
+        let metrics_listener = match options.metrics {
+            Some(address) => Some(
+                TcpListener::bind(address)
+                    .await
+                    .map_err(|source| CoordinatorError::Listen { address, source })?,
+            ),
+            None => None,
+        };
+        let doorway = doorway::open(listener, options.security.tls.is_none());
+        let scheme = match options.security.tls {
+            Some(_) => "https",
+            None => "http",
+        };
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, &options, stopping.clone())?;
+        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())?;
         let farm = Arc::new(farm);
         let mut tasks = JoinSet::new();
-        tasks.spawn(serve(Arc::clone(&farm), listener, stopping.clone()));
+        if let Some(listener) = metrics_listener {
+            tasks.spawn(serve_metrics(Arc::clone(&farm), listener, stopping.clone()));
+        }
+        tasks.spawn(serve(server, Arc::clone(&farm), doorway, stopping.clone()));
         tasks.spawn(sweep(Arc::clone(&farm), stopping));
         tracing::info!(%address, "the coordinator listens");
         Ok(RunningCoordinator {
             address,
+            scheme,
             farm,
             tasks,
             stop,
@@ -159,7 +202,7 @@ impl RunningCoordinator {
 
     /// The URL that workers on this machine connect to.
     pub fn url(&self) -> String {
-        format!("http://{}", self.address)
+        format!("{}://{}", self.scheme, self.address)
     }
 
     /// How far it is, now and whenever that changes.
@@ -203,7 +246,7 @@ impl RunningCoordinator {
 
     /// Materials set aside, the first few, with their errors.
     pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
-        self.farm.status().1
+        self.farm.set_aside()
     }
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the
@@ -229,22 +272,82 @@ impl RunningCoordinator {
     }
 }
 
-async fn serve(farm: Arc<Farm>, listener: TcpListener, mut stopping: watch::Receiver<bool>) {
+type GuardedServer = Server<Stack<Guard, Identity>>;
+
+fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, CoordinatorError> {
+    let mut server = Server::builder()
+        .concurrency_limit_per_connection(proto::limits::CALLS_PER_CONNECTION_MAX)
+        .max_concurrent_streams(proto::limits::CALLS_PER_CONNECTION_MAX as u32)
+        .http2_max_header_list_size(limits::HEADER_BYTES_MAX)
+        .http2_keepalive_interval(Some(proto::limits::KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(proto::limits::KEEPALIVE_TIMEOUT))
+        .timeout(proto::limits::LEASE_WAIT_MAX + proto::limits::CALL_DEADLINE);
+    if let Some(tls) = &security.tls {
+        let identity = transport::Identity::from_pem(&tls.certificate, &tls.key);
+        let mut config = ServerTlsConfig::new()
+            .identity(identity)
+            .timeout(limits::SILENCE_MAX);
+        if let Some(authority) = &tls.client_authority {
+            config = config.client_ca_root(Certificate::from_pem(authority));
+        }
+        server = server.tls_config(config).map_err(|error| {
+            let cause = error.source().map(|cause| format!(": {cause}"));
+            CoordinatorError::Certificate(format!("{error}{}", cause.unwrap_or_default()))
+        })?;
+    }
+    Ok(server.layer(Guard::new(security.tokens.clone(), metrics)))
+}
+
+async fn serve(
+    mut server: GuardedServer,
+    farm: Arc<Farm>,
+    doorway: ReceiverStream<Result<Guest, io::Error>>,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let (health, health_service) = tonic_health::server::health_reporter();
+    health.set_serving::<proto::FarmServer<FarmService>>().await;
+    health
+        .set_serving::<proto::ControlServer<ControlService>>()
+        .await;
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        .build_v1();
+    let reflection = match reflection {
+        Ok(reflection) => reflection,
+        Err(error) => unreachable!("the descriptors were compiled with the program: {error}"),
+    };
     let stop = async move {
         // An error means that the coordinator was dropped: stop as well.
         drop(stopping.wait_for(|stopping| *stopping).await);
     };
-    let served = Server::builder()
-        .concurrency_limit_per_connection(proto::limits::CALLS_PER_CONNECTION_MAX)
-        .http2_keepalive_interval(Some(proto::limits::KEEPALIVE_INTERVAL))
-        .http2_keepalive_timeout(Some(proto::limits::KEEPALIVE_TIMEOUT))
-        .timeout(proto::limits::LEASE_WAIT_MAX + proto::limits::CALL_DEADLINE)
-        .tcp_nodelay(true)
-        .add_service(proto::server(Service { farm }))
-        .serve_with_incoming_shutdown(TcpListenerStream::new(listener), stop)
+    let for_workers = FarmService {
+        farm: Arc::clone(&farm),
+    };
+    let served = server
+        .add_service(health_service)
+        .add_service(reflection)
+        .add_service(proto::farm_server(for_workers))
+        .add_service(proto::control_server(ControlService { farm }))
+        .serve_with_incoming_shutdown(doorway, stop)
         .await;
     if let Err(error) = served {
         tracing::error!(%error, "the coordinator serves no longer");
+    }
+}
+
+async fn serve_metrics(
+    farm: Arc<Farm>,
+    listener: TcpListener,
+    mut stopping: watch::Receiver<bool>,
+) {
+    tokio::select! {
+        served = metrics::serve(listener, move || farm.metrics_text()) => {
+            if let Err(error) = served {
+                tracing::error!(%error, "metrics are served no longer");
+            }
+        }
+        _ = stopping.wait_for(|stopping| *stopping) => {}
     }
 }
 

@@ -20,9 +20,9 @@ use crate::{
     completion::Completion,
     completion_log::Completions,
     file_error::FileError,
-    ledger::LedgerError,
+    ledger::{Ledger, LedgerError},
     limits,
-    queue::{Change, JobRecord, JobState},
+    queue::{Changes, Check, JobChange, JobRecord, JobState},
     recovery::{Recovered, recover},
 };
 use dataset::{CompletedView, Digest, RENDERER_VERSION, Specification};
@@ -246,18 +246,24 @@ impl Store {
             return Ok(());
         }
         self.state.log.append(completions)?;
-        let changes: Vec<Change> = completions
+        let jobs = completions
             .iter()
-            .map(|completion| Change {
+            .map(|completion| JobChange {
                 material: completion.material,
                 record: JobRecord {
                     state: JobState::Completed {
                         fingerprint: completion.fingerprint(),
+                        worker: completion.worker.clone(),
+                        check: Check::None,
                     },
                     ..JobRecord::default()
                 },
             })
             .collect();
+        let changes = Changes {
+            jobs,
+            ..Changes::default()
+        };
         self.state.ledger.apply(&changes, completions)?;
         Ok(self.state.ledger.sync()?)
     }

@@ -19,24 +19,46 @@ mod generated {
 }
 
 pub use generated::{
-    CompleteRequest, CompleteResponse, Counts, DeregisterRequest, DeregisterResponse,
-    ErrorStatistics, FailRequest, FailResponse, FindMissingBlobsRequest, FindMissingBlobsResponse,
-    GetDatasetRequest, GetDatasetResponse, Job, LeaseRequest, LeaseResponse, PutBlobRequest,
-    PutBlobResponse, RegisterRequest, RegisterResponse, RenewRequest, RenewResponse, Renewal,
-    SetAside, StatusRequest, StatusResponse, View,
+    BarWorkerRequest, BarWorkerResponse, CancelJobsRequest, Check, CompleteRequest,
+    CompleteResponse, Counts, DeregisterRequest, DeregisterResponse, DrainRequest, ErrorStatistics,
+    Event, FailRequest, FailResponse, FindMissingBlobsRequest, FindMissingBlobsResponse,
+    GetBlobRequest, GetBlobResponse, GetDatasetRequest, GetDatasetResponse, Job, JobDetail,
+    JobFailure, JobSelection, JobState, JobsChanged, LeaseRequest, LeaseResponse, ListJobsRequest,
+    ListJobsResponse, ListWorkersRequest, ListWorkersResponse, MaterialRange, Mode, ModeChanged,
+    PauseRequest, PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse, RegisterRequest,
+    RegisterResponse, RenewRequest, RenewResponse, Renewal, ResumeRequest, RetryJobsRequest,
+    SetAside, StatusRequest, StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, View,
+    WatchEventsRequest, WorkerDetail, WorkerFailure,
 };
 
-/// What a coordinator implements, one method a call.
+/// What a coordinator implements for people, one method a call.
+pub use generated::control_server::Control;
+/// Wraps a [`Control`] as a service; [`control_server`] applies the limits.
+pub use generated::control_server::ControlServer;
+/// What a coordinator implements for workers, one method a call.
 pub use generated::farm_server::Farm;
-/// Wraps a [`Farm`] as a service; [`server`] applies the limits.
+/// Wraps a [`Farm`] as a service; [`farm_server`] applies the limits.
 pub use generated::farm_server::FarmServer;
 
-/// A client over an HTTP/2 channel; [`client::connect_lazily`] makes one.
-pub type FarmClient = generated::farm_client::FarmClient<tonic::transport::Channel>;
+/// `farm.proto`, compiled: what the reflection service tells of it.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/farm.bin"));
 
-/// The service over `farm`, with the message limits of [`limits`].
-pub fn server<F: Farm>(farm: F) -> FarmServer<F> {
+/// A worker's client over an HTTP/2 channel; [`client::Endpoint`] makes one.
+pub type FarmClient = generated::farm_client::FarmClient<client::Channel>;
+
+/// A person's client over an HTTP/2 channel; [`client::Endpoint`] makes one.
+pub type ControlClient = generated::control_client::ControlClient<client::Channel>;
+
+/// The service for workers over `farm`, with the message limits of [`limits`].
+pub fn farm_server<F: Farm>(farm: F) -> FarmServer<F> {
     FarmServer::new(farm)
         .max_decoding_message_size(limits::MESSAGE_BYTES_MAX)
+        .max_encoding_message_size(limits::MESSAGE_BYTES_MAX)
+}
+
+/// The service for people over `control`, with the message limits of [`limits`].
+pub fn control_server<C: Control>(control: C) -> ControlServer<C> {
+    ControlServer::new(control)
+        .max_decoding_message_size(limits::CONTROL_MESSAGE_BYTES_MAX)
         .max_encoding_message_size(limits::MESSAGE_BYTES_MAX)
 }

@@ -3,12 +3,13 @@
 use crate::limits;
 use proto::{
     FarmClient,
-    client::{connect_lazily, with_deadline_after},
+    client::{self, Credentials, with_deadline_after},
 };
 use std::{error::Error, time::Duration};
 use thiserror::Error;
 use tokio::time::{Instant, sleep};
 use tonic::{Code, Request, Response, Status};
+use tonic_types::StatusExt;
 
 /// Attempts of a call that fail without a word: a coordinator that is just starting is no news.
 const ATTEMPTS_QUIET: u32 = 3;
@@ -47,8 +48,8 @@ pub(crate) struct Connection {
 
 impl Connection {
     /// A line to `url` that gives up after the coordinator has been away for `away_max`.
-    pub fn new(url: &str, away_max: Duration) -> Result<Self, String> {
-        let client = connect_lazily(url)?;
+    pub fn new(url: &str, credentials: &Credentials, away_max: Duration) -> Result<Self, String> {
+        let client = client::farm(url, credentials)?;
         Ok(Self { client, away_max })
     }
 
@@ -102,7 +103,8 @@ impl Connection {
                     "a call to the coordinator keeps failing, trying again"
                 );
             }
-            sleep(pause(attempt).min(self.away_max - away)).await;
+            let pause = pause(attempt).max(asked_pause(&status));
+            sleep(pause.min(self.away_max - away)).await;
         }
         unreachable!("attempts do not run out")
     }
@@ -122,6 +124,13 @@ fn is_final(code: Code) -> bool {
             | Code::Unimplemented
             | Code::OutOfRange
     )
+}
+
+/// How long the coordinator asks to wait, if it does.
+fn asked_pause(status: &Status) -> Duration {
+    let details = status.get_error_details();
+    let asked = details.retry_info().and_then(|retry| retry.retry_delay);
+    asked.unwrap_or_default().min(limits::BACKOFF_MAX)
 }
 
 /// The pause after a failed attempt, counted from 0: none, then doubling up to a limit, each half
@@ -161,7 +170,9 @@ mod tests {
 
     #[tokio::test]
     async fn a_call_is_repeated_until_it_is_answered_refused_or_given_up() {
-        let line = Connection::new("http://127.0.0.1:9", Duration::from_millis(400)).unwrap();
+        let nobody = "http://127.0.0.1:9";
+        let patience = Duration::from_millis(400);
+        let line = Connection::new(nobody, &Credentials::default(), patience).unwrap();
         let calls = std::cell::Cell::new(0);
         let scripted = |answers: &'static [Result<u8, Code>]| {
             calls.set(0);

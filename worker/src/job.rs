@@ -34,6 +34,8 @@ pub(crate) enum Unrendered {
     Interrupted,
     /// A view could not be rendered.
     Failed(RenderFailure),
+    /// The job took longer than any may, and still does.
+    Wedged,
 }
 
 /// The jobs that a worker holds, which the renewals have to know.

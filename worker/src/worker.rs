@@ -10,7 +10,7 @@ use crate::{
 use dataset::{RENDERER_VERSION, Specification};
 use proto::{
     DeregisterRequest, GetDatasetRequest, LeaseRequest, LeaseResponse, RegisterRequest,
-    RegisterResponse, RenewRequest, Renewal,
+    RegisterResponse, RenewRequest, Renewal, client::Credentials,
 };
 use std::{
     sync::{
@@ -31,8 +31,10 @@ use tracing::{Instrument, info_span};
 /// How a worker works.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What logs and the status call it.
+    /// What the farm knows it by: failures and bars are counted by name.
     pub name: String,
+    /// What it shows to the coordinator, and whom it believes.
+    pub credentials: Credentials,
     /// Threads that render; 0 takes one for each of the machine's.
     pub threads: usize,
     /// Whether to leave when nothing is left to do, rather than to wait for the set to grow.
@@ -46,13 +48,21 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            name: format!("worker-{}", std::process::id()),
+            name: default_name(),
+            credentials: Credentials::default(),
             threads: 0,
             leave_when_finished: true,
             away_max: limits::AWAY_MAX,
             connect_max: limits::CONNECT_MAX,
         }
     }
+}
+
+/// The machine's name and the process's number.
+fn default_name() -> String {
+    let system = rustix::system::uname();
+    let machine = system.nodename().to_string_lossy().into_owned();
+    format!("{machine}-{}", std::process::id())
 }
 
 /// Why a worker does not work, or no longer.
@@ -78,6 +88,18 @@ pub enum WorkerError {
     /// This machine cannot render the dataset.
     #[error("the renderer cannot start: {0}")]
     Renderer(RenderFailure),
+    /// A view takes longer than a whole job may, and its thread cannot be stopped.
+    #[error(
+        "material {material} was not rendered within {} s and cannot be interrupted: start this \
+         worker again",
+        .deadline.as_secs()
+    )]
+    Wedged {
+        /// What is being rendered.
+        material: u32,
+        /// How long a job may take.
+        deadline: Duration,
+    },
     /// The system would not start the threads.
     #[error("the rendering threads cannot start: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -105,11 +127,12 @@ pub struct Worker {
     connection: Connection,
     id: Vec<u8>,
     lease: Duration,
+    deadline: Duration,
     specification: Arc<Specification>,
     render: Arc<dyn Render>,
     pool: Arc<rayon::ThreadPool>,
     // One job renders at a time, with all threads.
-    rendering: Semaphore,
+    rendering: Arc<Semaphore>,
     held: Held,
     tally: Tally,
 }
@@ -136,7 +159,8 @@ impl Worker {
         prepare: impl FnOnce(&Specification) -> Result<R, RenderFailure> + Send + 'static,
     ) -> Result<Self, WorkerError> {
         let failed = |error: CallError| WorkerError::of(url, error);
-        let connection = Connection::new(url, options.away_max).map_err(WorkerError::Url)?;
+        let connection = Connection::new(url, &options.credentials, options.away_max);
+        let connection = connection.map_err(WorkerError::Url)?;
         let dataset = connection
             .patient_for(options.connect_max)
             .call(GetDatasetRequest {}, async |mut client, request| {
@@ -152,6 +176,7 @@ impl Worker {
         let RegisterResponse {
             worker_id,
             lease_ms,
+            deadline_ms,
         } = registered.map_err(failed)?;
         let prepared = Arc::clone(&specification);
         let render = spawn_blocking(move || prepare(&prepared))
@@ -168,10 +193,11 @@ impl Worker {
             connection,
             id: worker_id,
             lease: Duration::from_millis(lease_ms),
+            deadline: Duration::from_millis(deadline_ms),
             specification,
             render: Arc::new(render),
             pool: Arc::new(pool),
-            rendering: Semaphore::new(1),
+            rendering: Arc::new(Semaphore::new(1)),
             held: Held::default(),
             tally: Tally::default(),
         })
@@ -199,9 +225,14 @@ impl Worker {
                 ended = slots.join_next() => match ended {
                     None => break,
                     Some(Ok(Ok(()))) => {}
-                    Some(Ok(Err(error))) => {
-                        result = Err(WorkerError::of(&worker.url, error));
+                    Some(Ok(Err(stopped))) => {
+                        let wedged = matches!(stopped, Stopped::Wedged(_));
+                        result = Err(worker.error(stopped));
                         stop.send_replace(true);
+                        if wedged {
+                            // Whatever waits for the rendering threads waits in vain.
+                            slots.shutdown().await;
+                        }
                     }
                     Some(Err(error)) => tracing::error!(%error, "a job ended badly"),
                 },
@@ -250,7 +281,7 @@ impl Worker {
         self: &Arc<Self>,
         job: &Arc<Job>,
         stopping: &watch::Receiver<bool>,
-    ) -> Result<(), CallError> {
+    ) -> Result<(), Stopped> {
         let rendered = match self.render(job, stopping).await {
             Ok(rendered) => rendered,
             Err(Unrendered::Interrupted) => {
@@ -261,7 +292,15 @@ impl Worker {
             }
             Err(Unrendered::Failed(RenderFailure(reason))) => {
                 self.tally.failures.fetch_add(1, Ordering::Relaxed);
-                return report_failure(&self.connection, job, reason).await;
+                return Ok(report_failure(&self.connection, job, reason).await?);
+            }
+            Err(Unrendered::Wedged) => {
+                self.tally.failures.fetch_add(1, Ordering::Relaxed);
+                let reason = format!("it took more than {} s", self.deadline.as_secs());
+                // Tried once: this worker is of no more use.
+                let line = self.connection.patient_for(Duration::ZERO);
+                drop(report_failure(&line, job, reason).await);
+                return Err(Stopped::Wedged(job.material));
             }
         };
         match deliver(&self.connection, job, &rendered).await? {
@@ -284,25 +323,31 @@ impl Worker {
         job: &Arc<Job>,
         stopping: &watch::Receiver<bool>,
     ) -> Result<RenderedJob, Unrendered> {
-        let Ok(_permit) = self.rendering.acquire().await else {
+        let permit = Arc::clone(&self.rendering).acquire_owned().await;
+        let Ok(permit) = permit else {
             unreachable!("the semaphore is never closed");
         };
         let worker = Arc::clone(self);
-        let job = Arc::clone(job);
+        let rendered_job = Arc::clone(job);
         let stopping = stopping.clone();
         let rendered = spawn_blocking(move || {
-            let material = worker.specification.material(job.material);
+            let _permit = permit;
+            let material = worker.specification.material(rendered_job.material);
             let views = worker.specification.views.len() as u32;
             let render = worker.render.as_ref();
             let stopped = || *stopping.borrow();
             worker
                 .pool
-                .install(|| render_views(render, &job, &material, views, stopped))
+                .install(|| render_views(render, &rendered_job, &material, views, stopped))
         });
-        rendered.await.unwrap_or_else(|_| {
-            let reason = "the rendering threads failed".to_owned();
-            Err(Unrendered::Failed(RenderFailure(reason)))
-        })
+        match timeout(self.deadline, rendered).await {
+            Ok(Ok(rendered)) => rendered,
+            Ok(Err(_)) => {
+                let reason = "the rendering threads failed".to_owned();
+                Err(Unrendered::Failed(RenderFailure(reason)))
+            }
+            Err(_) => Err(Unrendered::Wedged),
+        }
     }
 
     async fn renew(&self) {
@@ -359,13 +404,25 @@ impl Worker {
 }
 
 /// Leases and works off one job after another.
-async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Result<(), CallError> {
+async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Result<(), Stopped> {
+    let mut barred = String::new();
     loop {
         let mut stopped = stopping.clone();
         let leased = tokio::select! {
             leased = worker.lease() => leased?,
             _ = stopped.wait_for(|stopping| *stopping) => return Ok(()),
         };
+        if leased.barred != barred {
+            barred = leased.barred;
+            if barred.is_empty() {
+                tracing::info!("the coordinator lets this worker work again");
+            } else {
+                tracing::warn!(reason = barred, "the coordinator gives this worker no work");
+            }
+        }
+        if leased.draining {
+            return Ok(());
+        }
         if leased.finished {
             if worker.options.leave_when_finished {
                 return Ok(());
@@ -446,6 +503,30 @@ impl Tally {
             failures: self.failures.load(Ordering::Relaxed),
             lost: self.lost.load(Ordering::Relaxed),
             rendering: Duration::from_micros(self.rendering_us.load(Ordering::Relaxed)),
+        }
+    }
+}
+
+/// Why a slot works no longer.
+enum Stopped {
+    Call(CallError),
+    Wedged(u32),
+}
+
+impl From<CallError> for Stopped {
+    fn from(error: CallError) -> Self {
+        Self::Call(error)
+    }
+}
+
+impl Worker {
+    fn error(&self, stopped: Stopped) -> WorkerError {
+        match stopped {
+            Stopped::Call(error) => WorkerError::of(&self.url, error),
+            Stopped::Wedged(material) => WorkerError::Wedged {
+                material,
+                deadline: self.deadline,
+            },
         }
     }
 }

@@ -1,12 +1,16 @@
 //! Recording completions.
 
-use super::{Farm, FarmError};
+use super::{
+    Farm, FarmError,
+    events::{Event, EventKind},
+    random,
+};
 use crate::{
     acceptance::{self, Rejection},
     commit::{Pending, Transition},
     completion::Completion,
     ledger::BlobPlace,
-    queue::Standing,
+    queue::{Changes, Holder, Standing, Verdict},
     staging::StagedImage,
     token::Token,
 };
@@ -15,9 +19,17 @@ use dataset::{Digest, ImageHeader};
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Outcome {
+    /// It counts: as a first rendering, a second or a third.
     Recorded,
     Repeated,
     Missing(Vec<Digest>),
+}
+
+/// A completion on its way to the disk.
+struct Judged {
+    verdict: Verdict,
+    holder: Option<Holder>,
+    changes: Changes,
 }
 
 impl Farm {
@@ -29,11 +41,19 @@ impl Farm {
         completion: Completion,
     ) -> Result<Outcome, FarmError> {
         self.check_completion(&completion)?;
+        let material = completion.material;
         let unstaged = self.unstaged_images(token, &completion)?;
         let stored = self.stored(unstaged).await?;
-        let (outcome, pending) = self.record(token, completion, &stored)?;
+        let (judged, pending) = match self.judge(token, completion, &stored)? {
+            Ok(judged) => judged,
+            Err(missing) => return Ok(Outcome::Missing(missing)),
+        };
         pending.durable().await?;
-        Ok(outcome)
+        self.tell_judged(material, &judged);
+        Ok(match judged.verdict {
+            Verdict::Repeated => Outcome::Repeated,
+            _ => Outcome::Recorded,
+        })
     }
 
     fn unstaged_images(
@@ -57,61 +77,102 @@ impl Farm {
         }
     }
 
-    /// The transition itself, all under one lock. Even where nothing is recorded something is
-    /// submitted: the first of two equal completions may still be on its way to the disk, and the
-    /// second has to wait for it.
-    fn record(
+    /// The transition itself, all under one lock; or which images are missing. Even where nothing
+    /// changes something is submitted: the first of two equal completions may still be on its way
+    /// to the disk, and the second has to wait for it.
+    fn judge(
         &self,
         token: Token,
         mut completion: Completion,
         stored: &[(Digest, Option<BlobPlace>)],
-    ) -> Result<(Outcome, Pending), FarmError> {
+    ) -> Result<Result<(Judged, Pending), Vec<Digest>>, FarmError> {
         let material = completion.material;
         let fingerprint = completion.fingerprint();
         let headers =
             acceptance::expected_headers(&self.specification, self.specification_hash, material);
+        let draw = u64::from_ne_bytes(random()?) % 1_000_000;
+        let check = draw < u64::from(self.checks_per_million);
         let mut state = self.shared.lock();
-        let nothing = || self.committer.submit(Transition::default());
-        if state.queue.standing(material, token, fingerprint)? == Standing::Repeated {
-            return Ok((Outcome::Repeated, nothing()));
-        }
-        let mut missing = Vec::new();
-        for (header, view) in headers.iter().zip(&completion.views) {
-            let place = BlobPlace {
-                material,
-                view: header.view,
-                bytes: view.bytes,
-            };
-            if let Some(image) = state.staging.get(&view.digest) {
-                check_image(image, view.bytes, header).map_err(|reason| FarmError::Image {
+        if state.queue.standing(material, token, fingerprint)? == Standing::Current {
+            let mut missing = Vec::new();
+            for (header, view) in headers.iter().zip(&completion.views) {
+                let place = BlobPlace {
+                    material,
                     view: header.view,
-                    reason,
-                })?;
-            } else if !stored.contains(&(view.digest, Some(place))) {
-                missing.push(view.digest);
+                    bytes: view.bytes,
+                };
+                if let Some(image) = state.staging.get(&view.digest) {
+                    check_image(image, view.bytes, header).map_err(|reason| FarmError::Image {
+                        view: header.view,
+                        reason,
+                    })?;
+                } else if !stored.contains(&(view.digest, Some(place))) {
+                    missing.push(view.digest);
+                }
+            }
+            if !missing.is_empty() {
+                return Ok(Err(missing));
             }
         }
-        if !missing.is_empty() {
-            return Ok((Outcome::Missing(missing), nothing()));
-        }
-        if let Some(worker) = state.queue.holder(material) {
-            completion.worker = state.roster.name(worker);
-        }
         let now = self.shared.now();
-        let change = state.queue.complete(material, token, fingerprint, now)?;
-        state.bytes_received += completion.bytes();
-        let images = completion
-            .views
-            .iter()
-            .filter_map(|view| state.staging.begin_publishing(&view.digest))
-            .collect();
-        self.after_change(&state);
-        let pending = self.committer.submit(Transition {
-            changes: change.into_iter().collect(),
-            completion: Some(completion),
-            images,
-        });
-        Ok((Outcome::Recorded, pending))
+        let holder = state.queue.holder(material).cloned();
+        let (verdict, changes) = state
+            .queue
+            .complete(material, token, fingerprint, check, now)?;
+        let mut transition = Transition {
+            changes: changes.clone(),
+            ..Transition::default()
+        };
+        if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder) {
+            state.bytes_received += completion.bytes();
+            self.metrics
+                .note_completion(completion.bytes(), completion.seconds);
+            let images = completion.views.len() as u64;
+            state.images_completed.count(images, now);
+            state.roster.note_completion(holder.worker);
+            transition.images = completion
+                .views
+                .iter()
+                .filter_map(|view| state.staging.begin_publishing(&view.digest))
+                .collect();
+            completion.worker = holder.name.clone();
+            transition.completion = Some(completion);
+        }
+        self.after(&state, &changes);
+        let pending = self.committer.submit(transition);
+        let judged = Judged {
+            verdict,
+            holder,
+            changes,
+        };
+        Ok(Ok((judged, pending)))
+    }
+
+    fn tell_judged(&self, material: u32, judged: &Judged) {
+        let (kind, text) = match &judged.verdict {
+            Verdict::Repeated => return,
+            Verdict::Recorded => (EventKind::Completed, String::new()),
+            Verdict::Agreed => (EventKind::CheckAgreed, String::new()),
+            Verdict::Disputed => {
+                let text = "its images are not those delivered before: a third worker decides";
+                (EventKind::Disputed, text.to_owned())
+            }
+            Verdict::Upheld(liar) | Verdict::Overturned(liar) => {
+                let again = judged.changes.retracted.len();
+                let text = format!("{liar} was wrong; {again} of its materials are rendered again");
+                (EventKind::Settled, text)
+            }
+            Verdict::Undecided => {
+                let text = "three workers rendered three different sets of images";
+                (EventKind::Settled, text.to_owned())
+            }
+        };
+        let mut event = Event::new(kind).material(material).text(text);
+        if let Some(holder) = &judged.holder {
+            event = event.worker(&holder.name).lease(holder.token);
+        }
+        self.tell(event);
+        self.tell_troubles(&judged.changes);
     }
 
     fn check_completion(&self, completion: &Completion) -> Result<(), FarmError> {

@@ -4,6 +4,7 @@ use crate::{
     acceptance::Rejection, commit::NotDurable, file_error::FileError, ledger::LedgerError,
     queue::Refusal, token::WorkerId,
 };
+use dataset::Digest;
 use thiserror::Error;
 
 /// Why an operation was not done.
@@ -25,6 +26,14 @@ pub(crate) enum FarmError {
     TooManyWorkers(usize),
     #[error("{0} bytes of images await their completion, and no more are taken: try again later")]
     StagingFull(u64),
+    #[error("no worker called {0:?} is barred")]
+    NotBarred(String),
+    #[error("the store has no image {0}")]
+    UnknownBlob(Digest),
+    #[error("image {0} is damaged: `brdfarm dataset verify` tells more")]
+    DamagedBlob(Digest),
+    #[error("{0} readers watch events, and no more are admitted")]
+    TooManyReaders(usize),
     #[error(transparent)]
     NotDurable(#[from] NotDurable),
     #[error(transparent)]

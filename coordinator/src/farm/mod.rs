@@ -6,10 +6,15 @@
 
 mod completing;
 mod error;
+mod events;
 mod images;
+mod leasing;
+mod operating;
 
 pub(crate) use completing::Outcome;
 pub(crate) use error::FarmError;
+pub(crate) use events::Event;
+pub(crate) use operating::{Changed, WorkerReport};
 
 use crate::{
     blobs::Blobs,
@@ -17,15 +22,16 @@ use crate::{
     file_error::FileError,
     ledger::Ledger,
     limits,
-    queue::{Change, Counts, JobState, Policy, Queue},
+    metrics::Metrics,
+    queue::{Changes, Counts, Policy, Queue},
+    rate::Rate,
     roster::Roster,
     running::Options,
     staging::Staging,
     store::Store,
-    token::{Token, WorkerId},
 };
-use dataset::{Digest, RENDERER_VERSION, Specification};
-use proto::limits::{LEASE_WAIT_MAX, TOKEN_BYTES};
+use dataset::{Digest, Specification};
+use events::Events;
 use std::{
     fs::File,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
@@ -33,7 +39,7 @@ use std::{
 };
 use tokio::{
     sync::{Notify, Semaphore, watch},
-    time::{Instant, timeout_at},
+    time::Instant,
 };
 
 /// How far a coordinator is.
@@ -51,12 +57,15 @@ pub struct Progress {
     pub failures: u64,
     /// Leases that ran out since the start.
     pub leases_lost: u64,
+    /// Whether nothing is left to do, now or later.
+    pub finished: bool,
 }
 
 impl Progress {
-    /// Whether nothing is left to do: every material is complete or set aside.
+    /// Whether nothing is left to do: every material is complete, set aside or cancelled, and every
+    /// second rendering that can be had is done.
     pub fn is_finished(&self) -> bool {
-        self.counts.pending + self.counts.leased == 0
+        self.finished
     }
 }
 
@@ -67,6 +76,7 @@ struct State {
     bytes_received: u64,
     failures: u64,
     leases_lost: u64,
+    images_completed: Rate,
 }
 
 struct Shared {
@@ -74,6 +84,7 @@ struct Shared {
     // Somebody who waits for work should look again.
     work: Notify,
     progress: watch::Sender<Progress>,
+    events: Events,
     views: u64,
     started: Instant,
 }
@@ -85,9 +96,11 @@ pub(crate) struct Farm {
     pub policy: Policy,
     shared: Arc<Shared>,
     committer: Committer,
-    ledger: Arc<Ledger>,
+    ledger: Arc<dyn Ledger>,
     blobs: Blobs,
     uploads: Arc<Semaphore>,
+    checks_per_million: u32,
+    metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
 }
 
@@ -110,6 +123,7 @@ impl Shared {
             workers: state.roster.present(self.now()),
             failures: state.failures,
             leases_lost: state.leases_lost,
+            finished: state.queue.is_finished(),
         });
     }
 }
@@ -119,16 +133,15 @@ impl Farm {
     pub fn start(
         store: Store,
         options: &Options,
+        metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
     ) -> Result<(Self, File), FileError> {
         let specification = store.specification().clone();
         let specification_hash = store.specification_hash();
         let mut queue = Queue::new(store.materials_asked(), options.policy);
         let (blobs, state, lock) = store.into_parts();
-        for change in state.jobs {
-            queue.restore(change, Duration::ZERO);
-        }
-        let mut changes = Vec::new();
+        queue.restore(state.kept, Duration::ZERO);
+        let mut changes = Changes::default();
         if options.retry_set_aside {
             changes.extend(queue.retry_set_aside(Duration::ZERO));
         }
@@ -143,18 +156,21 @@ impl Farm {
                 bytes_received: 0,
                 failures: 0,
                 leases_lost: 0,
+                images_completed: Rate::default(),
             }),
             work: Notify::new(),
             progress: watch::channel(Progress::default()).0,
+            events: Events::new(),
             views: specification.views.len() as u64,
             started: Instant::now(),
         });
-        let ledger = Arc::new(state.ledger);
+        let ledger: Arc<dyn Ledger> = Arc::new(state.ledger);
         let committed = Arc::clone(&shared);
         let committer = Committer::start(
             blobs.clone(),
             state.log,
             Arc::clone(&ledger),
+            Arc::clone(&metrics),
             move |images| {
                 let mut state = committed.lock();
                 state.staging.published(images);
@@ -175,6 +191,8 @@ impl Farm {
             ledger,
             blobs,
             uploads: Arc::new(Semaphore::new(limits::UPLOADS_AT_ONCE_MAX)),
+            checks_per_million: options.checks_per_million,
+            metrics,
             stopping,
         };
         Ok((farm, lock))
@@ -198,208 +216,31 @@ impl Farm {
         self.committer.close();
     }
 
-    /// Materials set aside with their errors, the first few, and how far the farm is.
-    pub fn status(&self) -> (Progress, Vec<(u32, Vec<String>)>) {
-        let state = self.shared.lock();
-        self.shared.publish(&state);
-        let set_aside = state
-            .queue
-            .set_aside()
-            .take(proto::limits::SET_ASIDE_LISTED_MAX)
-            .map(|(material, job)| (material, job.errors.clone()))
-            .collect();
-        (*self.shared.progress.borrow(), set_aside)
-    }
-
-    pub fn register(
-        &self,
-        known: Option<WorkerId>,
-        name: String,
-        renderer_version: &str,
-        specification_hash: Digest,
-    ) -> Result<WorkerId, FarmError> {
-        if renderer_version != RENDERER_VERSION {
-            return Err(FarmError::Incompatible(format!(
-                "this worker renders with version {renderer_version:?} and the dataset needs \
-                 version {RENDERER_VERSION:?}: install the brdfarm that the coordinator runs"
-            )));
-        }
-        if specification_hash != self.specification_hash {
-            return Err(FarmError::Incompatible(format!(
-                "this worker reads the specification as {specification_hash} and the coordinator \
-                 as {}: install the brdfarm that the coordinator runs",
-                self.specification_hash
-            )));
-        }
-        let worker = match known {
-            Some(worker) => worker,
-            None => WorkerId::from_bytes(random()?),
-        };
-        let mut state = self.shared.lock();
-        if !state
-            .roster
-            .register(worker, name.clone(), self.shared.now())
-        {
-            return Err(FarmError::TooManyWorkers(limits::WORKERS_MAX));
-        }
-        self.shared.publish(&state);
-        tracing::info!(%worker, name, "a worker registered");
-        Ok(worker)
-    }
-
-    /// Leases up to `jobs_max` jobs, waiting up to `wait` for the first. With them comes whether
-    /// nothing is left to do.
-    pub async fn lease(
-        &self,
-        worker: WorkerId,
-        jobs_max: u32,
-        wait: Duration,
-    ) -> Result<(Vec<(Token, u32)>, bool), FarmError> {
-        let deadline = Instant::now() + wait.min(LEASE_WAIT_MAX);
-        let tokens = (0..jobs_max.min(proto::limits::JOBS_PER_CALL_MAX))
-            .map(|_| Ok(Token::from_bytes(random()?)))
-            .collect::<Result<Vec<Token>, FarmError>>()?;
-        let mut stopping = self.stopping.clone();
-        loop {
-            // Listening begins before looking, so that nothing is missed in between.
-            let work = self.shared.work.notified();
-            tokio::pin!(work);
-            work.as_mut().enable();
-            let (leased, pending) = {
-                let mut state = self.shared.lock();
-                let now = self.shared.now();
-                if !state.roster.heard_of(worker, now) {
-                    return Err(FarmError::UnknownWorker(worker));
-                }
-                if *stopping.borrow() {
-                    return Ok((Vec::new(), false));
-                }
-                if state.queue.is_finished() {
-                    return Ok((Vec::new(), true));
-                }
-                let changes = state.queue.claim(worker, &tokens, now);
-                let leased: Vec<(Token, u32)> = tokens
-                    .iter()
-                    .zip(&changes)
-                    .map(|(token, change)| (*token, change.material))
-                    .collect();
-                (leased, self.submit_changes(changes))
-            };
-            if let Some(pending) = pending {
-                pending.durable().await?;
-                return Ok((leased, false));
-            }
-            tokio::select! {
-                woken = timeout_at(deadline, work) => if woken.is_err() {
-                    return Ok((Vec::new(), false));
-                },
-                _ = stopping.wait_for(|stopping| *stopping) => {}
-            }
-        }
-    }
-
-    /// Prolongs leases; returns the materials whose lease is lost.
-    pub fn renew(&self, worker: WorkerId, renewals: &[(Token, u32, u32)]) -> Vec<u32> {
-        let mut state = self.shared.lock();
-        let now = self.shared.now();
-        state.roster.heard_of(worker, now);
-        renewals
-            .iter()
-            .filter(|(token, material, views_done)| {
-                !state.queue.renew(*material, *token, *views_done, now)
-            })
-            .map(|(_, material, _)| *material)
-            .collect()
-    }
-
-    /// Records that a holder could not render its material. True when it is set aside now.
-    pub async fn fail(
-        &self,
-        token: Token,
-        material: u32,
-        error: String,
-    ) -> Result<bool, FarmError> {
-        let (set_aside, pending) = {
-            let mut state = self.shared.lock();
-            let now = self.shared.now();
-            let change = state.queue.fail(material, token, error, now)?;
-            state.failures += 1;
-            let set_aside = change.record.state == JobState::SetAside;
-            self.after_change(&state);
-            (set_aside, self.submit_changes(vec![change]))
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
-        }
-        Ok(set_aside)
-    }
-
-    /// Lets a worker go; returns how many leases went back.
-    pub async fn deregister(&self, worker: WorkerId) -> Result<u32, FarmError> {
-        let (released, pending) = {
-            let mut state = self.shared.lock();
-            let changes = state.queue.release(worker, self.shared.now());
-            state.roster.remove(worker);
-            self.after_change(&state);
-            self.shared.publish(&state);
-            (changes.len() as u32, self.submit_changes(changes))
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
-        }
-        Ok(released)
-    }
-
-    /// Takes back leases that ran out and drops images that nobody completed. Returns how long it
-    /// can be before the next call.
-    pub async fn sweep(&self) -> Result<Duration, NotDurable> {
-        let (pending, pause) = {
-            let mut state = self.shared.lock();
-            let now = self.shared.now();
-            let changes = state.queue.expire(now);
-            for Change { material, record } in &changes {
-                let set_aside = record.state == JobState::SetAside;
-                tracing::warn!(material, set_aside, "a lease ran out");
-            }
-            state.leases_lost += changes.len() as u64;
-            state.staging.drop_old(now, &self.blobs);
-            let State { queue, roster, .. } = &mut *state;
-            roster.forget_absent(now, |worker| queue.holds(worker));
-            if !changes.is_empty() {
-                self.after_change(&state);
-            }
-            let next = state.queue.next_expiry().unwrap_or(Duration::MAX);
-            // Leases that are handed out during the pause run out no sooner than this.
-            let longest = limits::SWEEP_INTERVAL_MAX.min(self.policy.lease);
-            let pause = next.saturating_sub(now).min(longest);
-            (self.submit_changes(changes), pause)
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
-        }
-        Ok(pause)
-    }
-
-    fn submit_changes(&self, changes: Vec<Change>) -> Option<Pending> {
+    /// Submits changes, if there are any. Has to be called under the lock that they were made
+    /// under.
+    fn submit(&self, changes: &Changes) -> Option<Pending> {
         (!changes.is_empty()).then(|| {
             self.committer.submit(Transition {
-                changes,
+                changes: changes.clone(),
                 ..Transition::default()
             })
         })
     }
 
     /// Wakes those who wait for a lease when there may be one, or never will be again.
-    fn after_change(&self, state: &State) {
-        let counts = state.queue.counts();
-        if counts.pending > 0 || state.queue.is_finished() {
+    fn after(&self, state: &State, changes: &Changes) {
+        if changes.offer_work() || state.queue.is_finished() {
             self.shared.work.notify_waiters();
         }
     }
+
+    fn tell(&self, event: Event) {
+        self.shared.events.tell(event);
+    }
 }
 
-fn random() -> Result<[u8; TOKEN_BYTES], FarmError> {
-    let mut bytes = [0; TOKEN_BYTES];
+fn random<const BYTES: usize>() -> Result<[u8; BYTES], FarmError> {
+    let mut bytes = [0; BYTES];
     getrandom::fill(&mut bytes).map_err(FarmError::Random)?;
     Ok(bytes)
 }

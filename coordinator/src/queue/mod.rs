@@ -1,34 +1,44 @@
 //! The jobs' state machine: one job a material.
 //!
 //! Plain data and transitions: no sockets, no clock (every transition that depends on time is told
-//! the time since the start), no input or output. A transition that changes what has to outlive
-//! the process returns it as [`Change`]s; whoever calls makes them durable, in the order of the
-//! transitions, before it tells anybody.
+//! the time since the start), no input or output, no random numbers. A transition that changes
+//! what has to outlive the process returns it as [`Changes`]; whoever calls makes them durable, in
+//! the order of the transitions, before it tells anybody.
 //!
 //! ```text
 //!            claim                complete
-//! pending ----------> leased ----------------> completed
-//!    ^                  |
-//!    |  release, expire, fail (fewer than the limit)
-//!    +------------------+-----> set aside (fail or expire, at the limit)
+//! pending ----------> leased ----------------> completed: check none, or due
+//!    ^                  |                          |  claim by another
+//!    |  release, expire, fail                      v
+//!    +------------------+-----> set aside      check leased --> agreed
+//!    |                                             |  other images
+//!    +--- retry --- set aside, cancelled           v
+//!    +--- the third says that the first lied --- disputed --- a third decides
 //! ```
 //!
 //! Invariant: a lease ends for its holder only by a transition that also takes its token, so at
 //! any time at most one token can complete a job, and a token once taken never can again.
 
+mod crew;
+mod judging;
 #[cfg(test)]
 mod model;
+mod operating;
 mod record;
 
-pub use record::{Change, JobRecord, JobState};
+pub use judging::{Refusal, Standing, Verdict};
+pub use record::{
+    Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
+    WorkerChange, WorkerFailure, WorkerRecord,
+};
 
 use crate::token::{Token, WorkerId};
-use dataset::Digest;
+use crew::Crew;
 use std::{
+    cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
     time::Duration,
 };
-use thiserror::Error;
 
 /// The limits that decide the queue's transitions; [`crate::limits`] has the defaults.
 #[derive(Clone, Copy, Debug)]
@@ -37,12 +47,20 @@ pub struct Policy {
     pub lease: Duration,
     /// How long a lease is prolonged while its progress stands still.
     pub stall: Duration,
-    /// Failures after which a job is set aside.
+    /// How long a lease is prolonged at all.
+    pub deadline: Duration,
+    /// Different workers on which a job fails before it is set aside.
+    pub workers_failed_max: u32,
+    /// Failures after which a job is set aside in a farm of fewer workers than that.
     pub failures_max: u32,
     /// Lost leases after which a job is set aside.
     pub leases_lost_max: u32,
     /// The most leases of one worker.
     pub leases_per_worker_max: u32,
+    /// Different jobs that a worker fails in a row before it is barred.
+    pub jobs_failed_max: u32,
+    /// How long it then is.
+    pub bar: Duration,
 }
 
 impl Default for Policy {
@@ -50,40 +68,18 @@ impl Default for Policy {
         Self {
             lease: crate::limits::LEASE,
             stall: crate::limits::STALL,
+            deadline: crate::limits::JOB_DEADLINE,
+            workers_failed_max: crate::limits::WORKERS_FAILED_MAX,
             failures_max: crate::limits::FAILURES_MAX,
             leases_lost_max: crate::limits::LEASES_LOST_MAX,
             leases_per_worker_max: proto::limits::LEASES_PER_WORKER_MAX,
+            jobs_failed_max: crate::limits::JOBS_FAILED_MAX,
+            bar: crate::limits::BAR,
         }
     }
 }
 
-/// Why a worker's word about a job counts for nothing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum Refusal {
-    /// There is no such job.
-    #[error("there is no material {0} in this set")]
-    UnknownMaterial(u32),
-    /// The token is not the current lease's.
-    #[error("the lease of material {0} is lost: its token is not the current one")]
-    LeaseLost(u32),
-    /// Completed before, with other digests.
-    #[error(
-        "material {0} was completed before with other digests: one of the two renderers is not \
-         deterministic"
-    )]
-    Conflict(u32),
-}
-
-/// Where a completion stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
-    /// The token is the current lease's: it counts.
-    Current,
-    /// The same was recorded before: nothing changes.
-    Repeated,
-}
-
-/// How many jobs are in which state.
+/// How many jobs are in which state; the first six after `materials` add up to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
     /// All jobs.
@@ -94,30 +90,61 @@ pub struct Counts {
     pub leased: u32,
     /// Done.
     pub completed: u32,
+    /// Done twice, with different images.
+    pub disputed: u32,
     /// Given up after too many failures.
     pub set_aside: u32,
+    /// Not wanted any more.
+    pub cancelled: u32,
+    /// Of the completed, those that wait to be rendered a second time, or are being so.
+    pub checks: u32,
 }
 
 #[derive(Clone, Debug)]
 struct Lease {
+    claimed: Duration,
     expires: Duration,
     views_done: u32,
     progressed: Duration,
 }
 
-/// The queue. Jobs are handed out lowest material first, so that a set completes from its start.
+impl Lease {
+    /// When it ends whatever its holder says.
+    fn ends(&self, policy: &Policy) -> Duration {
+        (self.progressed + policy.stall).min(self.claimed + policy.deadline)
+    }
+}
+
+/// A lease that was taken back from its holder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostLease {
+    /// The job.
+    pub material: u32,
+    /// Who held it.
+    pub holder: Holder,
+}
+
+/// The queue. Of equal priority the lowest material is handed out first, so that a set completes
+/// from its start.
 #[derive(Clone, Debug)]
 pub struct Queue {
     policy: Policy,
+    mode: Mode,
     jobs: Vec<JobRecord>,
-    pending: BTreeSet<u32>,
+    pending: BTreeSet<(Reverse<i32>, u32)>,
     set_aside: BTreeSet<u32>,
+    cancelled: BTreeSet<u32>,
+    // Completed, and somebody else has to render them again.
+    checks_due: BTreeSet<u32>,
+    checks_leased: u32,
+    disputed: BTreeSet<u32>,
+    completed: u32,
     leases: BTreeMap<u32, Lease>,
     // When leases run out, soonest first.
     expiries: BTreeSet<(Duration, u32)>,
     // Who holds what; no entry is empty.
     holdings: BTreeMap<WorkerId, BTreeSet<u32>>,
-    completed: u32,
+    crew: Crew,
 }
 
 impl Queue {
@@ -125,48 +152,83 @@ impl Queue {
     pub fn new(materials: u32, policy: Policy) -> Self {
         Self {
             policy,
+            mode: Mode::default(),
             jobs: vec![JobRecord::default(); materials as usize],
-            pending: (0..materials).collect(),
+            pending: (0..materials)
+                .map(|material| (Reverse(0), material))
+                .collect(),
             set_aside: BTreeSet::new(),
+            cancelled: BTreeSet::new(),
+            checks_due: BTreeSet::new(),
+            checks_leased: 0,
+            disputed: BTreeSet::new(),
+            completed: 0,
             leases: BTreeMap::new(),
             expiries: BTreeSet::new(),
             holdings: BTreeMap::new(),
-            completed: 0,
+            crew: Crew::default(),
         }
     }
 
-    /// Puts a job into the state that a ledger kept; a record of a material beyond the queue is
-    /// passed over. Leases get their full time again: while the coordinator was away nobody could
-    /// renew them.
-    pub fn restore(&mut self, change: Change, now: Duration) {
-        if (change.material as usize) < self.jobs.len() {
-            self.put(change.material, change.record, now);
+    /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and bars get
+    /// their full time again: while the coordinator was away nobody could renew them.
+    pub fn restore(&mut self, kept: Changes, now: Duration) {
+        for JobChange { material, record } in kept.jobs {
+            if (material as usize) < self.jobs.len() {
+                self.put(material, record, now);
+            }
         }
+        for worker in kept.workers {
+            self.crew.restore(worker, now + self.policy.bar);
+        }
+        self.mode = kept.mode.unwrap_or(self.mode);
     }
 
-    /// Leases pending jobs to `worker`, one for each of `tokens` while there are jobs and the
-    /// worker has room.
-    pub fn claim(&mut self, worker: WorkerId, tokens: &[Token], now: Duration) -> Vec<Change> {
-        let held = self.holdings.get(&worker).map_or(0, BTreeSet::len) as u32;
-        let room = self.policy.leases_per_worker_max.saturating_sub(held);
-        let tokens = tokens.iter().copied().take(room as usize);
-        let claims: Vec<(u32, Token)> = self.pending.iter().copied().zip(tokens).collect();
-        claims
-            .into_iter()
-            .map(|(material, token)| {
-                self.transition(material, JobState::Leased { token, worker }, now)
-            })
-            .collect()
+    /// Notes that a worker is there, under this name; it can claim jobs from now on.
+    pub fn admit(&mut self, worker: WorkerId, name: &str) {
+        self.crew.admit(worker, name);
     }
 
-    /// Prolongs a lease to its full time from now, but never past the time that a stalled job is
-    /// allowed. False when the token is not the current one, or the job has stalled: the holder
-    /// can stop working on it.
-    pub fn renew(&mut self, material: u32, token: Token, views_done: u32, now: Duration) -> bool {
-        let Some(JobState::Leased { token: current, .. }) = self.state(material) else {
-            return false;
+    /// Notes that a worker that holds nothing is gone.
+    pub fn dismiss(&mut self, worker: WorkerId) {
+        self.crew.dismiss(worker);
+    }
+
+    /// Leases jobs to `worker`, one for each of `tokens` while there are jobs for it and it has
+    /// room. Jobs come in the order of the tokens.
+    ///
+    /// Disputes go first and checks next, so that a worker that lies is found early. A job goes
+    /// back to a worker that failed it only when nobody else is there to try.
+    pub fn claim(&mut self, worker: WorkerId, tokens: &[Token], now: Duration) -> Changes {
+        let mut changes = Changes::default();
+        let Some(name) = self.crew.name(worker).map(str::to_owned) else {
+            return changes;
         };
-        if *current != token {
+        if self.mode != Mode::Running || self.crew.bar(&name).is_some() {
+            return changes;
+        }
+        let room = self.policy.leases_per_worker_max;
+        let room = room.saturating_sub(self.held(worker)) as usize;
+        let materials = self.claimable(&name, room.min(tokens.len()));
+        for (material, token) in materials.into_iter().zip(tokens) {
+            let holder = Holder {
+                token: *token,
+                worker,
+                name: name.clone(),
+            };
+            let state = self.jobs[material as usize].state.clone();
+            let change = self.transition(material, leased(state, holder), now);
+            changes.jobs.push(change);
+        }
+        changes
+    }
+
+    /// Prolongs a lease to its full time from now, but never past the time that a stalled job, or
+    /// any job, is allowed. False when the token is not the current one, or that time is over: the
+    /// holder can stop working on it.
+    pub fn renew(&mut self, material: u32, token: Token, views_done: u32, now: Duration) -> bool {
+        let current = self.holder(material).map(|holder| holder.token);
+        if current != Some(token) {
             return false;
         }
         let Some(lease) = self.leases.get_mut(&material) else {
@@ -176,140 +238,117 @@ impl Queue {
             lease.views_done = views_done;
             lease.progressed = now;
         }
-        let stalled = lease.progressed + self.policy.stall;
+        let ends = lease.ends(&self.policy);
         self.expiries.remove(&(lease.expires, material));
-        lease.expires = (now + self.policy.lease).min(stalled);
+        lease.expires = (now + self.policy.lease).min(ends);
         self.expiries.insert((lease.expires, material));
-        now < stalled
+        now < ends
     }
 
-    /// Where a completion of `material` under `token` stands.
-    pub fn standing(
-        &self,
-        material: u32,
-        token: Token,
-        fingerprint: Digest,
-    ) -> Result<Standing, Refusal> {
-        match self.state(material) {
-            None => Err(Refusal::UnknownMaterial(material)),
-            Some(JobState::Leased { token: current, .. }) if *current == token => {
-                Ok(Standing::Current)
-            }
-            Some(JobState::Completed { fingerprint: kept }) if *kept == fingerprint => {
-                Ok(Standing::Repeated)
-            }
-            Some(JobState::Completed { .. }) => Err(Refusal::Conflict(material)),
-            Some(_) => Err(Refusal::LeaseLost(material)),
-        }
-    }
-
-    /// Completes a job. `None` when the same was recorded before.
-    ///
-    /// Architecture invariant: a completion counts only with the current lease's token. A lease
-    /// whose time is over but which nobody has taken back is still current.
-    pub fn complete(
-        &mut self,
-        material: u32,
-        token: Token,
-        fingerprint: Digest,
-        now: Duration,
-    ) -> Result<Option<Change>, Refusal> {
-        match self.standing(material, token, fingerprint)? {
-            Standing::Repeated => Ok(None),
-            Standing::Current => {
-                let state = JobState::Completed { fingerprint };
-                Ok(Some(self.transition(material, state, now)))
-            }
-        }
-    }
-
-    /// Records a failure that the holder reports: back to the queue, or set aside at the limit.
+    /// Records a failure that the holder reports: back to the queue, or set aside at the limit. It
+    /// counts against the worker too, and may bar it.
     pub fn fail(
         &mut self,
         material: u32,
         token: Token,
-        error: String,
+        error: &str,
         now: Duration,
-    ) -> Result<Change, Refusal> {
-        match self.state(material) {
-            None => Err(Refusal::UnknownMaterial(material)),
-            Some(JobState::Leased { token: current, .. }) if *current == token => {
-                self.jobs[material as usize].errors.push(error);
-                Ok(self.requeue(material, now))
-            }
-            Some(_) => Err(Refusal::LeaseLost(material)),
+    ) -> Result<Changes, Refusal> {
+        let state = self.state(material);
+        let state = state.ok_or(Refusal::UnknownMaterial(material))?;
+        let holder = state.holder().filter(|holder| holder.token == token);
+        let holder = holder.ok_or(Refusal::LeaseLost(material))?.clone();
+        self.jobs[material as usize].failures.push(Failure {
+            worker: holder.name.clone(),
+            error: error.to_owned(),
+        });
+        let mut changes = self.requeue(material, now);
+        let jobs_max = self.policy.jobs_failed_max;
+        let noted = self
+            .crew
+            .note_failure(&holder.name, material, error, jobs_max);
+        let (worker, too_many) = noted;
+        changes.workers.push(worker);
+        if too_many {
+            let reason = format!("it failed {jobs_max} different materials in a row");
+            changes.extend(self.bar(&holder.name, BarCause::Failures, reason, now));
         }
+        Ok(changes)
     }
 
     /// Takes back every lease of a worker that leaves; counts against nobody.
-    pub fn release(&mut self, worker: WorkerId, now: Duration) -> Vec<Change> {
-        let held: Vec<u32> = self
-            .holdings
-            .get(&worker)
-            .map_or_else(Vec::new, |held| held.iter().copied().collect());
-        held.into_iter()
-            .map(|material| self.transition(material, JobState::Pending, now))
-            .collect()
+    pub fn release(&mut self, worker: WorkerId, now: Duration) -> Changes {
+        let held = self.holdings.get(&worker).cloned().unwrap_or_default();
+        self.hand_back(held, now)
     }
 
     /// Takes back every lease, where nobody can be left who holds one; counts against nobody.
-    pub fn release_all(&mut self, now: Duration) -> Vec<Change> {
-        let holders: Vec<WorkerId> = self.holdings.keys().copied().collect();
-        holders
-            .into_iter()
-            .flat_map(|worker| self.release(worker, now))
-            .collect()
+    pub fn release_all(&mut self, now: Duration) -> Changes {
+        let held: Vec<u32> = self.leases.keys().copied().collect();
+        self.hand_back(held, now)
     }
 
-    /// Takes back every lease whose time is over.
-    pub fn expire(&mut self, now: Duration) -> Vec<Change> {
-        let over: Vec<u32> = self
-            .expiries
-            .iter()
-            .take_while(|(expires, _)| *expires <= now)
-            .map(|(_, material)| *material)
-            .collect();
-        over.into_iter()
-            .map(|material| {
-                self.jobs[material as usize].leases_lost += 1;
-                self.requeue(material, now)
-            })
-            .collect()
+    /// Takes back every lease whose time is over, and lifts bars whose time is.
+    pub fn expire(&mut self, now: Duration) -> (Changes, Vec<LostLease>) {
+        let over = self.expiries.iter();
+        let over = over.take_while(|(expires, _)| *expires <= now);
+        let over: Vec<u32> = over.map(|(_, material)| *material).collect();
+        let mut changes = Changes::default();
+        let mut lost = Vec::new();
+        for material in over {
+            let Some(holder) = self.holder(material).cloned() else {
+                unreachable!("what expires is leased");
+            };
+            self.jobs[material as usize].leases_lost += 1;
+            changes.extend(self.requeue(material, now));
+            changes
+                .workers
+                .push(self.crew.note_lost_lease(&holder.name));
+            lost.push(LostLease { material, holder });
+        }
+        changes.workers.extend(self.crew.lift_ended_bars(now));
+        (changes, lost)
     }
 
-    /// Gives jobs that were set aside another chance, with their history wiped.
-    pub fn retry_set_aside(&mut self, now: Duration) -> Vec<Change> {
-        let materials: Vec<u32> = self.set_aside.iter().copied().collect();
-        materials
-            .into_iter()
-            .map(|material| {
-                let job = &mut self.jobs[material as usize];
-                job.errors.clear();
-                job.leases_lost = 0;
-                self.transition(material, JobState::Pending, now)
-            })
-            .collect()
-    }
-
-    /// When the next lease runs out, if any is held.
+    /// When the next lease runs out or the next bar ends, if any does.
     pub fn next_expiry(&self) -> Option<Duration> {
-        self.expiries.first().map(|(expires, _)| *expires)
+        let lease = self.expiries.first().map(|(expires, _)| *expires);
+        lease.into_iter().chain(self.crew.next_bar_end()).min()
     }
 
     /// How many jobs are in which state.
     pub fn counts(&self) -> Counts {
+        let checks = self.checks_due.len() as u32 + self.checks_leased;
+        let third_opinions = self.disputed.iter();
+        let third_opinions = third_opinions.filter(|material| self.leases.contains_key(material));
+        let other_leases = self.checks_leased + third_opinions.count() as u32;
         Counts {
             materials: self.jobs.len() as u32,
             pending: self.pending.len() as u32,
-            leased: self.leases.len() as u32,
+            leased: self.leases.len() as u32 - other_leases,
             completed: self.completed,
+            disputed: self.disputed.len() as u32,
             set_aside: self.set_aside.len() as u32,
+            cancelled: self.cancelled.len() as u32,
+            checks,
         }
     }
 
-    /// Whether nothing is left to do, now or later.
+    /// Whether nothing is left to do, now or later. A second rendering that nobody present can do
+    /// is not waited for; a dispute is.
     pub fn is_finished(&self) -> bool {
-        self.pending.is_empty() && self.leases.is_empty()
+        self.pending.is_empty()
+            && self.leases.is_empty()
+            && self.disputed.is_empty()
+            && !self
+                .checks_due
+                .iter()
+                .any(|material| self.crew.able().any(|name| self.may_judge(name, *material)))
+    }
+
+    /// Whether work is handed out.
+    pub fn mode(&self) -> Mode {
+        self.mode
     }
 
     /// Whether `worker` holds a lease.
@@ -317,88 +356,264 @@ impl Queue {
         self.holdings.contains_key(&worker)
     }
 
+    /// How many leases `worker` holds.
+    pub fn held(&self, worker: WorkerId) -> u32 {
+        self.holdings.get(&worker).map_or(0, BTreeSet::len) as u32
+    }
+
     /// Who holds the lease of a job, if anybody.
-    pub fn holder(&self, material: u32) -> Option<WorkerId> {
-        match self.state(material)? {
-            JobState::Leased { worker, .. } => Some(*worker),
-            _ => None,
-        }
+    pub fn holder(&self, material: u32) -> Option<&Holder> {
+        self.state(material)?.holder()
+    }
+
+    /// How many views of a leased job are rendered, as its holder last said.
+    pub fn views_done(&self, material: u32) -> Option<u32> {
+        Some(self.leases.get(&material)?.views_done)
+    }
+
+    /// Why a worker of this name gets no work, if it is barred.
+    pub fn bar_of(&self, name: &str) -> Option<&Bar> {
+        self.crew.bar(name)
+    }
+
+    /// Workers with a history, by name.
+    pub fn worker_records(&self) -> impl Iterator<Item = (&str, &WorkerRecord)> {
+        self.crew.records()
+    }
+
+    /// A job, if there is such a material.
+    pub fn job(&self, material: u32) -> Option<&JobRecord> {
+        self.jobs.get(material as usize)
     }
 
     /// Jobs that were set aside, lowest first, with what is known of each.
     pub fn set_aside(&self) -> impl Iterator<Item = (u32, &JobRecord)> {
-        self.set_aside
-            .iter()
-            .map(|material| (*material, &self.jobs[*material as usize]))
+        let materials = self.set_aside.iter();
+        materials.map(|material| (*material, &self.jobs[*material as usize]))
     }
 
     fn state(&self, material: u32) -> Option<&JobState> {
         Some(&self.jobs.get(material as usize)?.state)
     }
 
-    fn requeue(&mut self, material: u32, now: Duration) -> Change {
-        let job = &self.jobs[material as usize];
-        let hopeless = job.errors.len() as u32 >= self.policy.failures_max
-            || job.leases_lost >= self.policy.leases_lost_max;
-        let state = if hopeless {
-            JobState::SetAside
-        } else {
-            JobState::Pending
-        };
-        self.transition(material, state, now)
+    /// What a worker of this name may be given, the most urgent first.
+    fn claimable(&self, name: &str, count: usize) -> Vec<u32> {
+        let judged = self.disputed.iter().chain(&self.checks_due).copied();
+        let judged = judged.filter(|material| self.may_judge(name, *material));
+        let fresh = self.pending.iter().map(|(_, material)| *material);
+        let fresh = fresh.filter(|material| !self.jobs[*material as usize].failed_on(name));
+        let mut materials: Vec<u32> = judged.chain(fresh).take(count).collect();
+        if materials.len() < count {
+            let again = self.pending.iter().map(|(_, material)| *material);
+            let again = again.filter(|material| {
+                let job = &self.jobs[*material as usize];
+                job.failed_on(name) && self.crew.able().all(|other| job.failed_on(other))
+            });
+            materials.extend(again.take(count - materials.len()));
+        }
+        materials
     }
 
-    fn transition(&mut self, material: u32, state: JobState, now: Duration) -> Change {
+    /// Whether a worker of this name can say something new of a completed job.
+    fn may_judge(&self, name: &str, material: u32) -> bool {
+        let job = &self.jobs[material as usize];
+        let JobState::Completed { worker, check, .. } = &job.state else {
+            return false;
+        };
+        let other = match check {
+            Check::Due => true,
+            Check::Disputed(dispute) => dispute.holder.is_none() && dispute.worker != name,
+            Check::None | Check::Leased(_) | Check::Agreed => false,
+        };
+        other && worker != name && !job.failed_on(name)
+    }
+
+    /// Takes a lease back after a failure or a silence.
+    fn requeue(&mut self, material: u32, now: Duration) -> Changes {
+        let job = &self.jobs[material as usize];
+        let hopeless = job.workers_failed() as u32 >= self.policy.workers_failed_max
+            || job.failures.len() as u32 >= self.policy.failures_max
+            || job.leases_lost >= self.policy.leases_lost_max;
+        let mut changes = Changes::default();
+        let state = match (unleased(job.state.clone()), hopeless) {
+            (JobState::Pending, true) => JobState::SetAside,
+            // A check that cannot be had is done without; images that two workers contradict each
+            // other about are not.
+            (
+                JobState::Completed {
+                    check: Check::Disputed(_),
+                    ..
+                },
+                true,
+            ) => {
+                changes.retracted.push(material);
+                JobState::SetAside
+            }
+            (
+                JobState::Completed {
+                    fingerprint,
+                    worker,
+                    ..
+                },
+                true,
+            ) => JobState::Completed {
+                fingerprint,
+                worker,
+                check: Check::None,
+            },
+            (state, _) => state,
+        };
+        changes.jobs.push(self.transition(material, state, now));
+        changes
+    }
+
+    fn hand_back(&mut self, held: impl IntoIterator<Item = u32>, now: Duration) -> Changes {
+        let mut changes = Changes::default();
+        for material in held {
+            let state = unleased(self.jobs[material as usize].state.clone());
+            changes.jobs.push(self.transition(material, state, now));
+        }
+        changes
+    }
+
+    fn transition(&mut self, material: u32, state: JobState, now: Duration) -> JobChange {
         let mut record = self.jobs[material as usize].clone();
         record.state = state;
         self.put(material, record.clone(), now);
-        Change { material, record }
+        JobChange { material, record }
     }
 
     // The one place where the indices over the jobs change.
     fn put(&mut self, material: u32, record: JobRecord, now: Duration) {
-        match &self.jobs[material as usize].state {
-            JobState::Pending => {
-                self.pending.remove(&material);
-            }
-            JobState::Leased { worker, .. } => {
-                if let Some(lease) = self.leases.remove(&material) {
-                    self.expiries.remove(&(lease.expires, material));
-                }
-                if let Some(held) = self.holdings.get_mut(worker) {
-                    held.remove(&material);
-                    if held.is_empty() {
-                        self.holdings.remove(worker);
-                    }
-                }
-            }
-            JobState::Completed { .. } => self.completed -= 1,
-            JobState::SetAside => {
-                self.set_aside.remove(&material);
-            }
-        }
+        self.unlist(material);
         match &record.state {
             JobState::Pending => {
-                self.pending.insert(material);
+                self.pending.insert((Reverse(record.priority), material));
             }
-            JobState::Leased { worker, .. } => {
-                let expires = now + self.policy.lease;
-                self.leases.insert(
-                    material,
-                    Lease {
-                        expires,
-                        views_done: 0,
-                        progressed: now,
-                    },
-                );
-                self.expiries.insert((expires, material));
-                self.holdings.entry(*worker).or_default().insert(material);
-            }
-            JobState::Completed { .. } => self.completed += 1,
+            JobState::Leased(_) => {}
+            JobState::Completed { check, .. } => match check {
+                Check::Disputed(_) => {
+                    self.disputed.insert(material);
+                }
+                check => {
+                    self.completed += 1;
+                    match check {
+                        Check::Due => {
+                            self.checks_due.insert(material);
+                        }
+                        Check::Leased(_) => self.checks_leased += 1,
+                        _ => {}
+                    }
+                }
+            },
             JobState::SetAside => {
                 self.set_aside.insert(material);
             }
+            JobState::Cancelled => {
+                self.cancelled.insert(material);
+            }
+        }
+        if let Some(holder) = record.state.holder() {
+            let expires = now + self.policy.lease.min(self.policy.deadline);
+            let lease = Lease {
+                claimed: now,
+                expires,
+                views_done: 0,
+                progressed: now,
+            };
+            self.leases.insert(material, lease);
+            self.expiries.insert((expires, material));
+            let held = self.holdings.entry(holder.worker).or_default();
+            held.insert(material);
         }
         self.jobs[material as usize] = record;
+    }
+
+    fn unlist(&mut self, material: u32) {
+        let job = &self.jobs[material as usize];
+        match &job.state {
+            JobState::Pending => {
+                self.pending.remove(&(Reverse(job.priority), material));
+            }
+            JobState::Leased(_) => {}
+            JobState::Completed { check, .. } => {
+                if !self.disputed.remove(&material) {
+                    self.completed -= 1;
+                }
+                self.checks_due.remove(&material);
+                if matches!(check, Check::Leased(_)) {
+                    self.checks_leased -= 1;
+                }
+            }
+            JobState::SetAside => {
+                self.set_aside.remove(&material);
+            }
+            JobState::Cancelled => {
+                self.cancelled.remove(&material);
+            }
+        }
+        if let Some(lease) = self.leases.remove(&material) {
+            self.expiries.remove(&(lease.expires, material));
+        }
+        if let Some(holder) = job.state.holder()
+            && let Some(held) = self.holdings.get_mut(&holder.worker)
+        {
+            held.remove(&material);
+            if held.is_empty() {
+                self.holdings.remove(&holder.worker);
+            }
+        }
+    }
+}
+
+/// A job's state with a lease.
+fn leased(state: JobState, holder: Holder) -> JobState {
+    match state {
+        JobState::Completed {
+            fingerprint,
+            worker,
+            check,
+        } => {
+            let check = match check {
+                Check::Disputed(dispute) => Check::Disputed(Dispute {
+                    holder: Some(holder),
+                    ..dispute
+                }),
+                _ => Check::Leased(holder),
+            };
+            JobState::Completed {
+                fingerprint,
+                worker,
+                check,
+            }
+        }
+        _ => JobState::Leased(holder),
+    }
+}
+
+/// A leased job's state without its lease.
+fn unleased(state: JobState) -> JobState {
+    match state {
+        JobState::Leased(_) => JobState::Pending,
+        JobState::Completed {
+            fingerprint,
+            worker,
+            check,
+        } => {
+            let check = match check {
+                Check::Leased(_) => Check::Due,
+                Check::Disputed(dispute) => Check::Disputed(Dispute {
+                    holder: None,
+                    ..dispute
+                }),
+                check => check,
+            };
+            JobState::Completed {
+                fingerprint,
+                worker,
+                check,
+            }
+        }
+        state => state,
     }
 }

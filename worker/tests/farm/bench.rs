@@ -4,7 +4,10 @@ use crate::cheap_image::{cheap_image, small_specification};
 use coordinator::verify::{Checks, verify};
 use coordinator::{Coordinator, Options, Policy, ReadOnlyStore, RunningCoordinator, Store};
 use dataset::{Digest, ErrorStatistics, SampledMaterial, Specification};
-use proto::{FarmClient, client::with_deadline};
+use proto::{
+    ControlClient, FarmClient,
+    client::{Credentials, with_deadline},
+};
 use std::{
     net::SocketAddr,
     path::Path,
@@ -26,10 +29,11 @@ pub struct Bench {
     folder: tempfile::TempDir,
     pub specification: Specification,
     pub policy: Policy,
+    pub checks_per_million: u32,
     pub rendered: Arc<AtomicU64>,
 }
 
-struct CheapRenderer<B> {
+pub struct CheapRenderer<B> {
     specification: Specification,
     rendered: Arc<AtomicU64>,
     behaviour: B,
@@ -39,6 +43,16 @@ struct CheapRenderer<B> {
 pub trait Behaviour: Fn(u32, u32) -> Result<(), RenderFailure> + Send + Sync + 'static {}
 
 impl<B: Fn(u32, u32) -> Result<(), RenderFailure> + Send + Sync + 'static> Behaviour for B {}
+
+impl<B> CheapRenderer<B> {
+    pub fn new(specification: &Specification, rendered: Arc<AtomicU64>, behaviour: B) -> Self {
+        Self {
+            specification: specification.clone(),
+            rendered,
+            behaviour,
+        }
+    }
+}
 
 impl<B: Behaviour> Render for CheapRenderer<B> {
     fn render(&self, material: &SampledMaterial, view: u32) -> Result<RenderedView, RenderFailure> {
@@ -79,7 +93,11 @@ pub struct WorkerAtWork {
 
 impl WorkerAtWork {
     pub async fn summary(self) -> Summary {
-        self.task.await.unwrap().unwrap()
+        self.outcome().await.unwrap()
+    }
+
+    pub async fn outcome(self) -> Result<Summary, WorkerError> {
+        self.task.await.unwrap()
     }
 }
 
@@ -89,6 +107,7 @@ impl Bench {
             folder: tempfile::tempdir().unwrap(),
             specification: small_specification(materials),
             policy: Policy::default(),
+            checks_per_million: 0,
             rendered: Arc::default(),
         }
     }
@@ -111,28 +130,44 @@ impl Bench {
         let options = Options {
             listen,
             policy: self.policy,
+            checks_per_million: self.checks_per_million,
             ..Options::default()
         };
         Coordinator::start(store, options).await.unwrap()
     }
 
+    pub fn control(&self, url: &str) -> ControlClient {
+        proto::client::control(url, &Credentials::default()).unwrap()
+    }
+
     pub fn worker(&self, url: &str, behaviour: impl Behaviour) -> WorkerAtWork {
-        let url = url.to_owned();
         let rendered = Arc::clone(&self.rendered);
+        let rendering = move |specification: &Specification| {
+            CheapRenderer::new(specification, rendered, behaviour)
+        };
+        self.worker_called("", url, rendering)
+    }
+
+    /// A worker with a name, or with the default one where it is empty, and a renderer.
+    pub fn worker_called<R: Render>(
+        &self,
+        name: &str,
+        url: &str,
+        renderer: impl FnOnce(&Specification) -> R + Send + 'static,
+    ) -> WorkerAtWork {
+        let url = url.to_owned();
+        let name = name.to_owned();
         let (stop, stopping) = watch::channel(false);
         let task = tokio::spawn(async move {
-            let options = worker::Options {
+            let mut options = worker::Options {
                 threads: 1,
                 connect_max: Duration::from_secs(5),
                 ..worker::Options::default()
             };
-            let prepare = move |specification: &Specification| {
-                Ok(CheapRenderer {
-                    specification: specification.clone(),
-                    rendered,
-                    behaviour,
-                })
-            };
+            if !name.is_empty() {
+                options.name = name;
+            }
+            let prepare = move |specification: &Specification| Ok(renderer(specification));
             Worker::connect(&url, options, prepare)
                 .await?
                 .run(stopping)
@@ -172,9 +207,13 @@ pub struct Puppet {
 
 impl Puppet {
     pub async fn register(bench: &Bench, url: &str) -> Self {
-        let mut client = proto::client::connect_lazily(url).unwrap();
+        Self::called("puppet", bench, url).await
+    }
+
+    pub async fn called(name: &str, bench: &Bench, url: &str) -> Self {
+        let mut client = proto::client::farm(url, &Credentials::default()).unwrap();
         let message = proto::RegisterRequest {
-            name: "puppet".to_owned(),
+            name: name.to_owned(),
             renderer_version: dataset::RENDERER_VERSION.to_owned(),
             specification_hash: bench.specification.hash().as_bytes().to_vec(),
             worker_id: Vec::new(),

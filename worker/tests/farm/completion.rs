@@ -57,7 +57,9 @@ fn fails_on_one(material: u32, view: u32) -> Result<(), RenderFailure> {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried() {
-    let bench = Bench::new(5);
+    let mut bench = Bench::new(5);
+    // There is one worker: what it fails goes back to it.
+    bench.policy.failures_max = 3;
     let coordinator = bench.coordinator().await;
     let worker = bench.worker(&coordinator.url(), fails_on_one);
     let progress = coordinator.wait_until_finished().await.unwrap();

@@ -9,5 +9,6 @@ mod cheap_image;
 mod bench;
 mod completion;
 mod leases;
+mod operation;
 mod refusals;
 mod restarts;

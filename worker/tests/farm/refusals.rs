@@ -4,14 +4,17 @@ use crate::{
 };
 use coordinator::{Coordinator, CoordinatorError, Options, Store};
 use dataset::{Digest, RENDERER_VERSION};
-use proto::{client::with_deadline, limits};
+use proto::{
+    client::{Credentials, with_deadline},
+    limits,
+};
 use tonic::Code;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_of_another_version_or_reading_is_told_what_to_install() {
     let bench = Bench::new(1);
     let coordinator = bench.coordinator().await;
-    let mut client = proto::client::connect_lazily(&coordinator.url()).unwrap();
+    let mut client = proto::client::farm(&coordinator.url(), &Credentials::default()).unwrap();
     let right = proto::RegisterRequest {
         name: "w".to_owned(),
         renderer_version: RENDERER_VERSION.to_owned(),

@@ -1,27 +1,27 @@
-//! The gRPC service: checks what messages carry, calls the [`Farm`], and gives each error its
-//! status.
+//! The service for workers.
 
+use super::{
+    Answer, digest, message_digest,
+    refusal::{invalid, too_many},
+    token, worker,
+};
 use crate::{
     completion::Completion,
-    farm::{Farm, FarmError, Outcome},
-    queue::Refusal,
-    token::{Token, WorkerId},
+    farm::{Farm, Outcome},
 };
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
 use proto::limits;
-use std::{io, sync::Arc, time::Duration};
+use std::{sync::Arc, time::Duration};
 use tonic::{Request, Response, Status};
 use tracing::{Instrument, info_span};
 
-/// The service over a farm.
-pub(crate) struct Service {
+/// The service for workers over a farm.
+pub(crate) struct FarmService {
     pub farm: Arc<Farm>,
 }
 
-type Answer<T> = Result<Response<T>, Status>;
-
 #[tonic::async_trait]
-impl proto::Farm for Service {
+impl proto::Farm for FarmService {
     async fn get_dataset(
         &self,
         _: Request<proto::GetDatasetRequest>,
@@ -40,23 +40,28 @@ impl proto::Farm for Service {
     ) -> Answer<proto::RegisterResponse> {
         let message = request.into_inner();
         if message.name.is_empty() || message.name.len() > limits::NAME_BYTES_MAX {
-            return Err(Status::invalid_argument(format!(
+            let reason = format!(
                 "a worker's name has 1 to {} bytes, and this one has {}",
                 limits::NAME_BYTES_MAX,
                 message.name.len()
-            )));
+            );
+            return Err(invalid("name", &reason));
         }
         let known = match message.worker_id.as_slice() {
             [] => None,
             bytes => Some(worker(bytes)?),
         };
-        let hash = digest(&message.specification_hash)?;
+        if message.name.chars().any(char::is_control) {
+            return Err(invalid("name", "a worker's name has no control characters"));
+        }
+        let hash = digest("specification_hash", &message.specification_hash)?;
         let worker = self
             .farm
             .register(known, message.name, &message.renderer_version, hash)?;
         Ok(Response::new(proto::RegisterResponse {
             worker_id: worker.to_message(),
             lease_ms: self.farm.policy.lease.as_millis() as u64,
+            deadline_ms: self.farm.policy.deadline.as_millis() as u64,
         }))
     }
 
@@ -64,28 +69,26 @@ impl proto::Farm for Service {
         let message = request.into_inner();
         let worker = worker(&message.worker_id)?;
         let wait = Duration::from_millis(message.wait_ms);
-        let (leases, finished) = self.farm.lease(worker, message.jobs_max, wait).await?;
-        for (token, material) in &leases {
-            tracing::debug!(material, lease = %token, %worker, "leased");
-        }
-        let jobs = leases
-            .into_iter()
-            .map(|(token, material)| proto::Job {
-                token: token.to_message(),
-                material,
-            })
-            .collect();
-        Ok(Response::new(proto::LeaseResponse { jobs, finished }))
+        let leased = self.farm.lease(worker, message.jobs_max, wait).await?;
+        let jobs = leased.jobs.into_iter();
+        let jobs = jobs.map(|(token, material)| proto::Job {
+            token: token.to_message(),
+            material,
+        });
+        Ok(Response::new(proto::LeaseResponse {
+            jobs: jobs.collect(),
+            finished: leased.finished,
+            draining: leased.draining,
+            barred: leased.barred.unwrap_or_default(),
+        }))
     }
 
     async fn renew(&self, request: Request<proto::RenewRequest>) -> Answer<proto::RenewResponse> {
         let message = request.into_inner();
         let worker = worker(&message.worker_id)?;
         if message.renewals.len() > limits::LEASES_PER_WORKER_MAX as usize {
-            return Err(Status::invalid_argument(format!(
-                "a worker holds at most {} leases",
-                limits::LEASES_PER_WORKER_MAX
-            )));
+            let max = limits::LEASES_PER_WORKER_MAX as usize;
+            return Err(too_many("renewals", message.renewals.len(), max));
         }
         let renewals = message
             .renewals
@@ -105,12 +108,10 @@ impl proto::Farm for Service {
     ) -> Answer<proto::FindMissingBlobsResponse> {
         let message = request.into_inner();
         if message.digests.len() > limits::DIGESTS_PER_CALL_MAX {
-            return Err(Status::invalid_argument(format!(
-                "a call asks for at most {} digests",
-                limits::DIGESTS_PER_CALL_MAX
-            )));
+            let max = limits::DIGESTS_PER_CALL_MAX;
+            return Err(too_many("digests", message.digests.len(), max));
         }
-        let digests = message.digests.iter().map(|bytes| digest(bytes));
+        let digests = message.digests.iter().map(|bytes| digest("digests", bytes));
         let digests = digests.collect::<Result<Vec<Digest>, Status>>()?;
         let missing = self.farm.find_missing(digests).await?;
         Ok(Response::new(proto::FindMissingBlobsResponse {
@@ -123,7 +124,7 @@ impl proto::Farm for Service {
         request: Request<proto::PutBlobRequest>,
     ) -> Answer<proto::PutBlobResponse> {
         let message = request.into_inner();
-        let digest = digest(&message.digest)?;
+        let digest = digest("digest", &message.digest)?;
         self.farm
             .put_blob(digest, message.size, message.data)
             .await?;
@@ -136,6 +137,9 @@ impl proto::Farm for Service {
     ) -> Answer<proto::CompleteResponse> {
         let message = request.into_inner();
         let token = token(&message.token)?;
+        if message.views.len() > limits::VIEWS_MAX {
+            return Err(too_many("views", message.views.len(), limits::VIEWS_MAX));
+        }
         let completion = Completion {
             material: message.material,
             views: message
@@ -150,7 +154,7 @@ impl proto::Farm for Service {
         let outcome = async {
             let outcome = self.farm.complete(token, completion).await;
             match &outcome {
-                Ok(Outcome::Recorded) => tracing::info!(seconds = message.seconds, "completed"),
+                Ok(Outcome::Recorded) => {}
                 Ok(Outcome::Repeated) => tracing::info!("completed before"),
                 Ok(Outcome::Missing(missing)) => {
                     tracing::info!(missing = missing.len(), "images are missing");
@@ -173,7 +177,6 @@ impl proto::Farm for Service {
         let mut error = message.error;
         error.truncate(error.floor_char_boundary(limits::ERROR_BYTES_MAX));
         let span = info_span!("job", material = message.material, lease = %token);
-        span.in_scope(|| tracing::warn!(error, "a worker could not render"));
         let failed = self.farm.fail(token, message.material, error);
         let set_aside = failed.instrument(span).await?;
         Ok(Response::new(proto::FailResponse { set_aside }))
@@ -185,100 +188,16 @@ impl proto::Farm for Service {
     ) -> Answer<proto::DeregisterResponse> {
         let worker = worker(&request.into_inner().worker_id)?;
         let released = self.farm.deregister(worker).await?;
-        tracing::info!(%worker, released, "a worker left");
         Ok(Response::new(proto::DeregisterResponse { released }))
     }
-
-    async fn status(&self, _: Request<proto::StatusRequest>) -> Answer<proto::StatusResponse> {
-        let (progress, set_aside) = self.farm.status();
-        let counts = progress.counts;
-        Ok(Response::new(proto::StatusResponse {
-            name: self.farm.specification.name.clone(),
-            specification_hash: message_digest(&self.farm.specification_hash),
-            views: self.farm.specification.views.len() as u32,
-            counts: Some(proto::Counts {
-                materials: counts.materials,
-                completed: counts.completed,
-                leased: counts.leased,
-                pending: counts.pending,
-                set_aside: counts.set_aside,
-                images: progress.images,
-                bytes_received: progress.bytes_received,
-                workers: progress.workers,
-                failures: progress.failures,
-                leases_lost: progress.leases_lost,
-            }),
-            set_aside: set_aside
-                .into_iter()
-                .map(|(material, errors)| proto::SetAside { material, errors })
-                .collect(),
-        }))
-    }
-}
-
-impl From<FarmError> for Status {
-    fn from(error: FarmError) -> Self {
-        let message = error.to_string();
-        match error {
-            FarmError::Refused(Refusal::UnknownMaterial(_))
-            | FarmError::Image { .. }
-            | FarmError::Rejected(_)
-            | FarmError::Invalid(_) => Self::invalid_argument(message),
-            FarmError::Refused(Refusal::LeaseLost(_)) | FarmError::Incompatible(_) => {
-                Self::failed_precondition(message)
-            }
-            FarmError::Refused(Refusal::Conflict(_)) => Self::already_exists(message),
-            FarmError::UnknownWorker(_) => Self::not_found(message),
-            FarmError::TooManyWorkers(_) | FarmError::StagingFull(_) => {
-                Self::resource_exhausted(message)
-            }
-            FarmError::File(error)
-                if matches!(
-                    error.source.kind(),
-                    io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded
-                ) =>
-            {
-                Self::resource_exhausted(message)
-            }
-            FarmError::NotDurable(_) | FarmError::Interrupted => Self::unavailable(message),
-            FarmError::File(_) | FarmError::Ledger(_) | FarmError::Random(_) => {
-                tracing::error!(message, "a call failed");
-                Self::internal(message)
-            }
-        }
-    }
-}
-
-fn token(bytes: &[u8]) -> Result<Token, Status> {
-    let name = Token::from_message(bytes);
-    name.ok_or_else(|| wrong_length("a lease's token", limits::TOKEN_BYTES, bytes))
-}
-
-fn worker(bytes: &[u8]) -> Result<WorkerId, Status> {
-    let name = WorkerId::from_message(bytes);
-    name.ok_or_else(|| wrong_length("a worker's id", limits::TOKEN_BYTES, bytes))
-}
-
-fn digest(bytes: &[u8]) -> Result<Digest, Status> {
-    let digest = bytes.try_into().map(Digest::from_bytes);
-    digest.map_err(|_| wrong_length("a digest", limits::DIGEST_BYTES, bytes))
-}
-
-fn wrong_length(what: &str, expected: usize, bytes: &[u8]) -> Status {
-    let found = bytes.len();
-    Status::invalid_argument(format!("{what} has {expected} bytes, and this has {found}"))
-}
-
-fn message_digest(digest: &Digest) -> Vec<u8> {
-    digest.as_bytes().to_vec()
 }
 
 fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {
     let Some(statistics) = &view.statistics else {
-        return Err(Status::invalid_argument("a view has no error statistics"));
+        return Err(invalid("views", "a view has no error statistics"));
     };
     Ok(CompletedView {
-        digest: digest(&view.digest)?,
+        digest: digest("views.digest", &view.digest)?,
         bytes: view.size,
         statistics: ErrorStatistics {
             mean: statistics.mean,

@@ -1,0 +1,210 @@
+//! Completions: whether one counts, and what a second or a third one says of the first.
+
+use super::{BarCause, Changes, Check, Dispute, Failure, JobState, Queue};
+use crate::token::Token;
+use dataset::Digest;
+use std::time::Duration;
+use thiserror::Error;
+
+/// Why a worker's word about a job counts for nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum Refusal {
+    /// There is no such job.
+    #[error("there is no material {0} in this set")]
+    UnknownMaterial(u32),
+    /// The token is not the current lease's.
+    #[error("the lease of material {0} is lost: its token is not the current one")]
+    LeaseLost(u32),
+    /// Completed before, with other digests.
+    #[error(
+        "material {0} was completed before with other digests: one of the two renderers is not \
+         deterministic"
+    )]
+    Conflict(u32),
+}
+
+/// Where a completion stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// The token is the current lease's: it counts.
+    Current,
+    /// The same was recorded before: nothing changes.
+    Repeated,
+}
+
+/// What a completion came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// The job's first: its images are the job's now.
+    Recorded,
+    /// The same was recorded before.
+    Repeated,
+    /// A second worker rendered the same.
+    Agreed,
+    /// A second worker rendered something else.
+    Disputed,
+    /// A third worker rendered what the first did: the second, named here, is barred.
+    Upheld(String),
+    /// A third worker rendered what the second did: its images are the job's now, and the first,
+    /// named here, is barred.
+    Overturned(String),
+    /// Three workers rendered three different things: the job is set aside.
+    Undecided,
+}
+
+impl Queue {
+    /// Where a completion of `material` under `token` stands.
+    pub fn standing(
+        &self,
+        material: u32,
+        token: Token,
+        fingerprint: Digest,
+    ) -> Result<Standing, Refusal> {
+        let state = self.state(material);
+        let state = state.ok_or(Refusal::UnknownMaterial(material))?;
+        if state.holder().is_some_and(|holder| holder.token == token) {
+            return Ok(Standing::Current);
+        }
+        let JobState::Completed {
+            fingerprint: kept,
+            check,
+            ..
+        } = state
+        else {
+            return Err(Refusal::LeaseLost(material));
+        };
+        let contradicted = match check {
+            Check::Disputed(dispute) => Some(dispute.fingerprint),
+            _ => None,
+        };
+        if fingerprint == *kept || Some(fingerprint) == contradicted {
+            Ok(Standing::Repeated)
+        } else {
+            Err(Refusal::Conflict(material))
+        }
+    }
+
+    /// Completes a job, or its second or third rendering. `check` asks for a second rendering of a
+    /// first one.
+    ///
+    /// Architecture invariant: a completion counts only with the current lease's token. A lease
+    /// whose time is over but which nobody has taken back is still current.
+    pub fn complete(
+        &mut self,
+        material: u32,
+        token: Token,
+        fingerprint: Digest,
+        check: bool,
+        now: Duration,
+    ) -> Result<(Verdict, Changes), Refusal> {
+        if self.standing(material, token, fingerprint)? == Standing::Repeated {
+            return Ok((Verdict::Repeated, Changes::default()));
+        }
+        let state = self.jobs[material as usize].state.clone();
+        let Some(name) = state.holder().map(|holder| holder.name.clone()) else {
+            unreachable!("current, so there is a holder");
+        };
+        let mut changes = Changes::default();
+        changes.workers.extend(self.crew.note_success(&name));
+        let (verdict, judged) = match state {
+            JobState::Completed {
+                fingerprint: first,
+                worker,
+                check: Check::Disputed(second),
+            } => {
+                let first = (first, worker);
+                self.third_opinion(material, first, second, (fingerprint, name), now)
+            }
+            JobState::Completed {
+                fingerprint: first,
+                worker,
+                ..
+            } => {
+                let first = (first, worker);
+                self.second_opinion(material, first, (fingerprint, name), now)
+            }
+            _ => {
+                let check = if check { Check::Due } else { Check::None };
+                let changes = self.completed(material, (fingerprint, name), check, now);
+                (Verdict::Recorded, changes)
+            }
+        };
+        changes.extend(judged);
+        Ok((verdict, changes))
+    }
+
+    fn second_opinion(
+        &mut self,
+        material: u32,
+        first: (Digest, String),
+        second: (Digest, String),
+        now: Duration,
+    ) -> (Verdict, Changes) {
+        if first.0 == second.0 {
+            let changes = self.completed(material, first, Check::Agreed, now);
+            return (Verdict::Agreed, changes);
+        }
+        let dispute = Dispute {
+            fingerprint: second.0,
+            worker: second.1,
+            holder: None,
+        };
+        let changes = self.completed(material, first, Check::Disputed(dispute), now);
+        (Verdict::Disputed, changes)
+    }
+
+    fn third_opinion(
+        &mut self,
+        material: u32,
+        first: (Digest, String),
+        second: Dispute,
+        third: (Digest, String),
+        now: Duration,
+    ) -> (Verdict, Changes) {
+        let (truth, liar, verdict) = if third.0 == first.0 {
+            let liar = second.worker;
+            (first, liar.clone(), Verdict::Upheld(liar))
+        } else if third.0 == second.fingerprint {
+            let liar = first.1;
+            (third, liar.clone(), Verdict::Overturned(liar))
+        } else {
+            let error = format!(
+                "{}, {} and {} rendered three different sets of images",
+                first.1, second.worker, third.1
+            );
+            let failure = Failure {
+                worker: third.1,
+                error,
+            };
+            self.jobs[material as usize].failures.push(failure);
+            let mut changes = Changes::default();
+            let change = self.transition(material, JobState::SetAside, now);
+            changes.jobs.push(change);
+            changes.retracted.push(material);
+            return (Verdict::Undecided, changes);
+        };
+        let mut changes = self.completed(material, truth, Check::Agreed, now);
+        let reason = format!(
+            "two other workers rendered material {material} to the same images, and it to others"
+        );
+        changes.extend(self.bar(&liar, BarCause::Disagreement, reason, now));
+        (verdict, changes)
+    }
+
+    fn completed(
+        &mut self,
+        material: u32,
+        (fingerprint, worker): (Digest, String),
+        check: Check,
+        now: Duration,
+    ) -> Changes {
+        let state = JobState::Completed {
+            fingerprint,
+            worker,
+            check,
+        };
+        let mut changes = Changes::default();
+        changes.jobs.push(self.transition(material, state, now));
+        changes
+    }
+}

@@ -1,0 +1,182 @@
+//! Accepting connections, of which a stranger can open any number.
+//!
+//! A connection counts once its peer has spoken: until then it waits in a doorway from which the
+//! longest silent half are put out when it is full, and everybody after a while. Honest clients speak
+//! at once, so they get through however many stand there. The number of those inside is bounded.
+
+use crate::limits;
+use std::{
+    collections::VecDeque,
+    io,
+    net::SocketAddr,
+    pin::Pin,
+    sync::Arc,
+    task::{Context, Poll},
+    time::Duration,
+};
+use tokio::{
+    io::{AsyncRead, AsyncWrite, ReadBuf},
+    net::{TcpListener, TcpSocket, TcpStream},
+    sync::{OwnedSemaphorePermit, Semaphore, mpsc},
+    task::{AbortHandle, JoinSet},
+    time::{sleep, timeout},
+};
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::{Connected, TcpConnectInfo};
+
+/// How an HTTP/2 connection without TLS begins.
+const PREFACE_BYTES: usize = 24;
+
+/// How long accepting rests where the system has no room for another connection.
+const FULL_PAUSE: Duration = Duration::from_millis(50);
+
+/// A connection whose peer has spoken, and its place among those inside.
+pub(crate) struct Guest {
+    stream: TcpStream,
+    _place: OwnedSemaphorePermit,
+}
+
+/// Listens on an address. The system's own queue is made long: where it overflows an honest client
+/// waits a second for its next try.
+pub(crate) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+    let socket = match address {
+        SocketAddr::V4(_) => TcpSocket::new_v4()?,
+        SocketAddr::V6(_) => TcpSocket::new_v6()?,
+    };
+    // A coordinator that starts again takes the address of the one before at once.
+    socket.set_reuseaddr(true)?;
+    socket.bind(address)?;
+    socket.listen(limits::ACCEPT_QUEUE_MAX)
+}
+
+/// Accepts connections for ever. With `preface` peers have to have sent that of HTTP/2, not only a
+/// first byte.
+pub(crate) fn open(
+    listener: TcpListener,
+    preface: bool,
+) -> ReceiverStream<Result<Guest, io::Error>> {
+    let (inside, guests) = mpsc::channel(1);
+    tokio::spawn(stand(listener, preface, inside));
+    ReceiverStream::new(guests)
+}
+
+async fn stand(
+    listener: TcpListener,
+    preface: bool,
+    inside: mpsc::Sender<Result<Guest, io::Error>>,
+) {
+    let places = Arc::new(Semaphore::new(limits::CONNECTIONS_MAX));
+    let mut silent = JoinSet::new();
+    let mut handles: VecDeque<AbortHandle> = VecDeque::new();
+    loop {
+        let accepted = tokio::select! {
+            accepted = listener.accept() => accepted,
+            Some(_) = silent.join_next() => continue,
+            () = inside.closed() => return,
+        };
+        let stream = match accepted {
+            Ok((stream, _)) => stream,
+            Err(error) => {
+                tracing::debug!(%error, "a connection could not be accepted");
+                sleep(FULL_PAUSE).await;
+                continue;
+            }
+        };
+        if handles.len() >= limits::SILENT_CONNECTIONS_MAX {
+            handles.retain(|handle| !handle.is_finished());
+            // Half at once, so that a flood costs little for each of its connections.
+            let surplus = handles
+                .len()
+                .saturating_sub(limits::SILENT_CONNECTIONS_MAX / 2);
+            handles.drain(..surplus).for_each(|longest| longest.abort());
+        }
+        let welcome = welcome(stream, preface, Arc::clone(&places), inside.clone());
+        handles.push_back(silent.spawn(async {
+            // Whoever is too slow is put out without a word.
+            let _ = timeout(limits::SILENCE_MAX, welcome).await;
+        }));
+    }
+}
+
+async fn welcome(
+    stream: TcpStream,
+    preface: bool,
+    places: Arc<Semaphore>,
+    inside: mpsc::Sender<Result<Guest, io::Error>>,
+) {
+    let wanted = if preface { PREFACE_BYTES } else { 1 };
+    let mut begin = [0; PREFACE_BYTES];
+    while let Ok(seen) = stream.peek(&mut begin).await {
+        if seen == 0 {
+            return;
+        }
+        if seen >= wanted {
+            break;
+        }
+        // What was seen stays readable, so waiting for more has to be done by the clock.
+        sleep(FULL_PAUSE).await;
+    }
+    let Ok(place) = places.try_acquire_owned() else {
+        tracing::warn!(
+            "{} connections are open, and one more is refused",
+            limits::CONNECTIONS_MAX
+        );
+        return;
+    };
+    // Small messages are not to wait for more; where this fails they merely do.
+    let _ = stream.set_nodelay(true);
+    let guest = Guest {
+        stream,
+        _place: place,
+    };
+    // An error means that nobody serves any more.
+    let _ = inside.send(Ok(guest)).await;
+}
+
+impl Connected for Guest {
+    type ConnectInfo = TcpConnectInfo;
+
+    fn connect_info(&self) -> TcpConnectInfo {
+        self.stream.connect_info()
+    }
+}
+
+impl AsyncRead for Guest {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_read(context, buffer)
+    }
+}
+
+impl AsyncWrite for Guest {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(context, bytes)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        slices: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write_vectored(context, slices)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+}

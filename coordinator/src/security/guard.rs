@@ -1,0 +1,326 @@
+//! What every call has to pass before its message is read: the caller's role; and while it is
+//! read: a bound on the memory that all messages under way take together, and on the time that one
+//! may take to arrive.
+
+use super::{Role, Tokens};
+use crate::{limits, metrics::Metrics, service::refuse};
+use http::{Request, Response, header::AUTHORIZATION};
+use http_body::{Frame, SizeHint};
+use std::{
+    future::Future,
+    pin::{Pin, pin},
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    task::{Context, Poll},
+};
+use tokio::time::{Instant, Sleep, sleep};
+use tonic::{Code, Status, body::Body};
+use tower::{Layer, Service};
+
+/// The calls that a reader may make; everything else of the same service is for operators.
+const READERS_CALLS: [&str; 5] = [
+    "Status",
+    "ListJobs",
+    "ListWorkers",
+    "WatchEvents",
+    "GetBlob",
+];
+
+/// Puts a [`Guarded`] before a service.
+#[derive(Clone)]
+pub(crate) struct Guard {
+    tokens: Option<Arc<Tokens>>,
+    budget: Budget,
+    metrics: Arc<Metrics>,
+}
+
+/// A service whose callers are known and whose messages are bounded.
+#[derive(Clone)]
+pub(crate) struct Guarded<S> {
+    guard: Guard,
+    service: S,
+}
+
+/// Bytes of messages under way, of all calls together.
+#[derive(Clone, Default)]
+struct Budget(Arc<AtomicUsize>);
+
+/// What one call's message has taken of the budget.
+struct Share {
+    budget: Budget,
+    bytes: AtomicUsize,
+}
+
+/// A message on its way in.
+struct Metered {
+    body: Body,
+    share: Arc<Share>,
+    deadline: Pin<Box<Sleep>>,
+}
+
+impl Guard {
+    pub fn new(tokens: Option<Tokens>, metrics: Arc<Metrics>) -> Self {
+        Self {
+            tokens: tokens.map(Arc::new),
+            budget: Budget::default(),
+            metrics,
+        }
+    }
+
+    fn admit<B>(&self, request: &Request<B>) -> Result<(), Status> {
+        let Some(tokens) = &self.tokens else {
+            return Ok(());
+        };
+        let path = request.uri().path();
+        // Whether it is alive anybody may ask, as those do who start it again.
+        if path.starts_with("/grpc.health.v1.Health/") {
+            return Ok(());
+        }
+        let shown = request.headers().get(AUTHORIZATION);
+        let shown = shown.and_then(|value| value.as_bytes().strip_prefix(b"Bearer "));
+        let Some(shown) = shown else {
+            let what = "this coordinator wants a token: pass --credentials";
+            return Err(refuse(Code::Unauthenticated, "NO_TOKEN", what));
+        };
+        let Some(role) = tokens.role(shown) else {
+            let what = "this coordinator does not know the token";
+            return Err(refuse(Code::Unauthenticated, "UNKNOWN_TOKEN", what));
+        };
+        if may(role, path) {
+            return Ok(());
+        }
+        let what = format!("a token of the role {role:?} is not for this call").to_lowercase();
+        Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
+    }
+}
+
+fn may(role: Role, path: &str) -> bool {
+    if path.starts_with("/brdfarm.v1.Farm/") {
+        return role == Role::Worker;
+    }
+    let readers = match path.strip_prefix("/brdfarm.v1.Control/") {
+        Some(call) => READERS_CALLS.contains(&call),
+        // What the services are is no secret among those who have a token.
+        None => return true,
+    };
+    role == Role::Operator || (role == Role::Reader && readers)
+}
+
+impl Share {
+    fn take(&self, bytes: usize) -> bool {
+        let before = self.budget.0.fetch_add(bytes, Ordering::Relaxed);
+        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+        before + bytes <= limits::MESSAGES_BYTES_MAX
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        let bytes = *self.bytes.get_mut();
+        self.budget.0.fetch_sub(bytes, Ordering::Relaxed);
+    }
+}
+
+impl http_body::Body for Metered {
+    type Data = <Body as http_body::Body>::Data;
+    type Error = Status;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
+        let polled = pin!(&mut self.body).poll_frame(context);
+        if let Poll::Ready(Some(Ok(frame))) = &polled {
+            let bytes = frame.data_ref().map_or(0, |data| data.len());
+            if !self.share.take(bytes) {
+                let what = "too many messages are under way: try again later";
+                let status = refuse(Code::ResourceExhausted, "BUSY", what);
+                return Poll::Ready(Some(Err(status)));
+            }
+        }
+        let over = matches!(polled, Poll::Ready(None)) || self.body.is_end_stream();
+        if !over && self.deadline.as_mut().poll(context).is_ready() {
+            let seconds = limits::MESSAGE_DEADLINE.as_secs();
+            let what = format!("the message took more than {seconds} s to arrive");
+            let status = refuse(Code::DeadlineExceeded, "SLOW_MESSAGE", what);
+            return Poll::Ready(Some(Err(status)));
+        }
+        polled
+    }
+
+    fn is_end_stream(&self) -> bool {
+        self.body.is_end_stream()
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        self.body.size_hint()
+    }
+}
+
+impl<S> Layer<S> for Guard {
+    type Service = Guarded<S>;
+
+    fn layer(&self, service: S) -> Guarded<S> {
+        Guarded {
+            guard: self.clone(),
+            service,
+        }
+    }
+}
+
+type Answer<E> = Pin<Box<dyn Future<Output = Result<Response<Body>, E>> + Send>>;
+
+impl<S> Service<Request<Body>> for Guarded<S>
+where
+    S: Service<Request<Body>, Response = Response<Body>>,
+    S::Future: Send + 'static,
+    S::Error: Send,
+{
+    type Response = Response<Body>;
+    type Error = S::Error;
+    type Future = Answer<S::Error>;
+
+    fn poll_ready(&mut self, context: &mut Context<'_>) -> Poll<Result<(), S::Error>> {
+        self.service.poll_ready(context)
+    }
+
+    fn call(&mut self, request: Request<Body>) -> Answer<S::Error> {
+        let began = Instant::now();
+        let path = request.uri().path().to_owned();
+        let metrics = Arc::clone(&self.guard.metrics);
+        if let Err(status) = self.guard.admit(&request) {
+            metrics.note_call(&path, began.elapsed(), Some(status.code()));
+            return Box::pin(async move { Ok(status.into_http()) });
+        }
+        let share = Arc::new(Share {
+            budget: self.guard.budget.clone(),
+            bytes: AtomicUsize::new(0),
+        });
+        let metered = Arc::clone(&share);
+        let request = request.map(|body| {
+            Body::new(Metered {
+                body,
+                share: metered,
+                deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
+            })
+        });
+        let answer = self.service.call(request);
+        Box::pin(async move {
+            let answer = answer.await;
+            // What was read stays in memory until the call is done with it.
+            drop(share);
+            if let Ok(answer) = &answer {
+                let refused = Status::from_header_map(answer.headers());
+                let refused = refused.map(|status| status.code());
+                let refused = refused.filter(|code| *code != Code::Ok);
+                metrics.note_call(&path, began.elapsed(), refused);
+            }
+            answer
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use http_body::Body as _;
+
+    #[test]
+    fn each_role_has_its_calls() {
+        use Role::{Operator, Reader, Worker};
+        for (path, allowed) in [
+            ("/brdfarm.v1.Farm/Lease", &[Worker][..]),
+            ("/brdfarm.v1.Farm/PutBlob", &[Worker]),
+            ("/brdfarm.v1.Control/Status", &[Operator, Reader]),
+            ("/brdfarm.v1.Control/GetBlob", &[Operator, Reader]),
+            ("/brdfarm.v1.Control/Pause", &[Operator]),
+            ("/brdfarm.v1.Control/Statusx", &[Operator]),
+            (
+                "/grpc.reflection.v1.ServerReflection/x",
+                &[Worker, Operator, Reader],
+            ),
+        ] {
+            for role in [Worker, Operator, Reader] {
+                assert_eq!(may(role, path), allowed.contains(&role), "{role:?} {path}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_share_goes_back_to_the_budget() {
+        let budget = Budget::default();
+        let share = || Share {
+            budget: budget.clone(),
+            bytes: AtomicUsize::new(0),
+        };
+        let (first, second) = (share(), share());
+        assert!(first.take(limits::MESSAGES_BYTES_MAX - 10));
+        assert!(second.take(10));
+        assert!(!second.take(1));
+        drop(second);
+        assert!(share().take(10));
+        drop(first);
+        assert_eq!(budget.0.load(Ordering::Relaxed), 0);
+    }
+
+    /// A message that trickles in is given up, and one beyond the budget is not read.
+    #[tokio::test(start_paused = true)]
+    async fn slow_and_surplus_messages_are_refused() {
+        let budget = Budget::default();
+        let metered = |body| Metered {
+            body: Body::new(body),
+            share: Arc::new(Share {
+                budget: budget.clone(),
+                bytes: AtomicUsize::new(0),
+            }),
+            deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
+        };
+        let mut slow = metered(Trickle { frames: 10_000 });
+        let began = Instant::now();
+        let refused = loop {
+            let frame = std::future::poll_fn(|context| pin!(&mut slow).poll_frame(context)).await;
+            match frame {
+                Some(Ok(_)) => sleep(std::time::Duration::from_secs(1)).await,
+                Some(Err(status)) => break status,
+                None => panic!("it was read to its end"),
+            }
+        };
+        assert_eq!(refused.code(), Code::DeadlineExceeded);
+        assert!(began.elapsed() < 2 * limits::MESSAGE_DEADLINE);
+
+        drop(slow);
+        let others = metered(Trickle { frames: 0 });
+        assert!(others.share.take(limits::MESSAGES_BYTES_MAX));
+        let mut surplus = metered(Trickle { frames: 1 });
+        let frame = std::future::poll_fn(|context| pin!(&mut surplus).poll_frame(context)).await;
+        let Some(Err(refused)) = frame else {
+            panic!("it was read");
+        };
+        assert_eq!(refused.code(), Code::ResourceExhausted);
+    }
+
+    /// A body whose frames are always there, until there are no more and it never ends.
+    struct Trickle {
+        frames: u32,
+    }
+
+    impl http_body::Body for Trickle {
+        type Data = <Body as http_body::Body>::Data;
+        type Error = Status;
+
+        fn poll_frame(
+            mut self: Pin<&mut Self>,
+            _: &mut Context<'_>,
+        ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
+            match self.frames.checked_sub(1) {
+                Some(left) => {
+                    self.frames = left;
+                    Poll::Ready(Some(Ok(Frame::data(vec![0; 16].into()))))
+                }
+                None => Poll::Pending,
+            }
+        }
+    }
+}

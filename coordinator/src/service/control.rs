@@ -1,0 +1,364 @@
+//! The service for people.
+
+use super::{
+    Answer, digest, message_digest,
+    refusal::{invalid, too_many},
+};
+use crate::{
+    farm::{Changed, Event, Farm, WorkerReport},
+    queue::{Bar, Check, JobRecord, JobState, Mode},
+};
+use proto::limits;
+use std::{pin::Pin, sync::Arc};
+use tokio_stream::{
+    Stream, StreamExt,
+    wrappers::{BroadcastStream, errors::BroadcastStreamRecvError},
+};
+use tonic::{Request, Response, Status};
+
+/// The service for people over a farm.
+pub(crate) struct ControlService {
+    pub farm: Arc<Farm>,
+}
+
+#[tonic::async_trait]
+impl proto::Control for ControlService {
+    type WatchEventsStream = Pin<Box<dyn Stream<Item = Result<proto::Event, Status>> + Send>>;
+
+    async fn status(&self, _: Request<proto::StatusRequest>) -> Answer<proto::StatusResponse> {
+        let report = self.farm.report();
+        let progress = report.progress;
+        let counts = progress.counts;
+        let set_aside = self.farm.set_aside().into_iter();
+        Ok(Response::new(proto::StatusResponse {
+            name: self.farm.specification.name.clone(),
+            specification_hash: message_digest(&self.farm.specification_hash),
+            views: self.farm.specification.views.len() as u32,
+            counts: Some(proto::Counts {
+                materials: counts.materials,
+                completed: counts.completed,
+                leased: counts.leased,
+                pending: counts.pending,
+                set_aside: counts.set_aside,
+                images: progress.images,
+                bytes_received: progress.bytes_received,
+                workers: progress.workers,
+                failures: progress.failures,
+                leases_lost: progress.leases_lost,
+                cancelled: counts.cancelled,
+                disputed: counts.disputed,
+                checks: counts.checks,
+                workers_barred: report.workers_barred,
+            }),
+            set_aside: set_aside
+                .map(|(material, errors)| proto::SetAside { material, errors })
+                .collect(),
+            mode: message_mode(report.mode).into(),
+            finished: progress.finished,
+            up_ms: report.up.as_millis() as u64,
+            images_per_second: report.images_per_second,
+        }))
+    }
+
+    async fn list_jobs(
+        &self,
+        request: Request<proto::ListJobsRequest>,
+    ) -> Answer<proto::ListJobsResponse> {
+        let message = request.into_inner();
+        let wanted = selection(message.selection)?;
+        let jobs_max = message.jobs_max.clamp(1, limits::JOBS_LISTED_MAX) as usize;
+        let (jobs, next) = self.farm.jobs(message.from, jobs_max, wanted);
+        let jobs = jobs.into_iter();
+        Ok(Response::new(proto::ListJobsResponse {
+            jobs: jobs
+                .map(|(material, job, views_done)| job_detail(material, job, views_done))
+                .collect(),
+            next,
+        }))
+    }
+
+    async fn list_workers(
+        &self,
+        _: Request<proto::ListWorkersRequest>,
+    ) -> Answer<proto::ListWorkersResponse> {
+        let workers = self.farm.workers().into_iter();
+        Ok(Response::new(proto::ListWorkersResponse {
+            workers: workers
+                .map(|(name, report)| worker_detail(name, report))
+                .collect(),
+        }))
+    }
+
+    async fn watch_events(
+        &self,
+        _: Request<proto::WatchEventsRequest>,
+    ) -> Answer<Self::WatchEventsStream> {
+        let events = BroadcastStream::new(self.farm.watch()?);
+        let events = events.map(|event| {
+            Ok(match event {
+                Ok(event) => event_message(event),
+                Err(BroadcastStreamRecvError::Lagged(missed)) => proto::Event {
+                    kind: "missed".to_owned(),
+                    text: format!("{missed} events were missed"),
+                    ..proto::Event::default()
+                },
+            })
+        });
+        Ok(Response::new(Box::pin(events)))
+    }
+
+    async fn get_blob(
+        &self,
+        request: Request<proto::GetBlobRequest>,
+    ) -> Answer<proto::GetBlobResponse> {
+        let digest = digest("digest", &request.into_inner().digest)?;
+        let data = self.farm.blob(digest).await?.into();
+        Ok(Response::new(proto::GetBlobResponse { data }))
+    }
+
+    async fn retry_jobs(
+        &self,
+        request: Request<proto::RetryJobsRequest>,
+    ) -> Answer<proto::JobsChanged> {
+        self.change(request.into_inner().selection, Changed::Retried)
+            .await
+    }
+
+    async fn cancel_jobs(
+        &self,
+        request: Request<proto::CancelJobsRequest>,
+    ) -> Answer<proto::JobsChanged> {
+        self.change(request.into_inner().selection, Changed::Cancelled)
+            .await
+    }
+
+    async fn prioritize_jobs(
+        &self,
+        request: Request<proto::PrioritizeJobsRequest>,
+    ) -> Answer<proto::JobsChanged> {
+        let message = request.into_inner();
+        let max = limits::PRIORITY_MAX;
+        if !(-max..=max).contains(&message.priority) {
+            let reason = format!(
+                "a priority is between -{max} and {max}, and this is {}",
+                message.priority
+            );
+            return Err(invalid("priority", &reason));
+        }
+        self.change(message.selection, Changed::Prioritized(message.priority))
+            .await
+    }
+
+    async fn pause(&self, _: Request<proto::PauseRequest>) -> Answer<proto::ModeChanged> {
+        self.set_mode(Mode::Paused).await
+    }
+
+    async fn resume(&self, _: Request<proto::ResumeRequest>) -> Answer<proto::ModeChanged> {
+        self.set_mode(Mode::Running).await
+    }
+
+    async fn drain(&self, _: Request<proto::DrainRequest>) -> Answer<proto::ModeChanged> {
+        self.set_mode(Mode::Draining).await
+    }
+
+    async fn bar_worker(
+        &self,
+        request: Request<proto::BarWorkerRequest>,
+    ) -> Answer<proto::BarWorkerResponse> {
+        let message = request.into_inner();
+        let long = [
+            ("name", message.name.len(), limits::NAME_BYTES_MAX),
+            ("reason", message.reason.len(), limits::REASON_BYTES_MAX),
+        ];
+        for (field, found, max) in long {
+            if found == 0 || found > max {
+                let reason = format!("{field} has 1 to {max} bytes, and this has {found}");
+                return Err(invalid(field, &reason));
+            }
+        }
+        let leases_taken_back = self.farm.bar(&message.name, message.reason).await?;
+        Ok(Response::new(proto::BarWorkerResponse {
+            leases_taken_back,
+        }))
+    }
+
+    async fn unbar_worker(
+        &self,
+        request: Request<proto::UnbarWorkerRequest>,
+    ) -> Answer<proto::UnbarWorkerResponse> {
+        self.farm.unbar(&request.into_inner().name).await?;
+        Ok(Response::new(proto::UnbarWorkerResponse {}))
+    }
+}
+
+impl ControlService {
+    async fn change(
+        &self,
+        selected: Option<proto::JobSelection>,
+        change: Changed,
+    ) -> Answer<proto::JobsChanged> {
+        let wanted = selection(selected)?;
+        let changed = ranges(&self.farm.change_jobs(change, wanted).await?);
+        Ok(Response::new(proto::JobsChanged { changed }))
+    }
+
+    async fn set_mode(&self, mode: Mode) -> Answer<proto::ModeChanged> {
+        let repeated = self.farm.set_mode(mode).await?;
+        Ok(Response::new(proto::ModeChanged {
+            mode: message_mode(mode).into(),
+            repeated,
+        }))
+    }
+}
+
+/// Which jobs a selection selects.
+fn selection(
+    selection: Option<proto::JobSelection>,
+) -> Result<impl Fn(u32, &JobRecord) -> bool, Status> {
+    let proto::JobSelection { mut ranges, states } = selection.unwrap_or_default();
+    if ranges.len() > limits::RANGES_PER_CALL_MAX {
+        let max = limits::RANGES_PER_CALL_MAX;
+        return Err(too_many("ranges", ranges.len(), max));
+    }
+    if let Some(range) = ranges.iter().find(|range| range.first > range.last) {
+        let reason = format!("{} to {} is no range", range.first, range.last);
+        return Err(invalid("selection.ranges", &reason));
+    }
+    let states = states
+        .into_iter()
+        .map(|state| {
+            let known = proto::JobState::try_from(state).ok();
+            known
+                .filter(|state| *state != proto::JobState::Unspecified)
+                .ok_or_else(|| {
+                    invalid("selection.states", &format!("{state} is no state of a job"))
+                })
+        })
+        .collect::<Result<Vec<proto::JobState>, Status>>()?;
+    ranges.sort_by_key(|range| range.first);
+    let any_material = ranges.is_empty();
+    Ok(move |material: u32, job: &JobRecord| {
+        let before = ranges.partition_point(|range| range.first <= material);
+        // Ranges may overlap: any of those that begin before can reach this far.
+        let in_range = || ranges[..before].iter().any(|range| material <= range.last);
+        (states.is_empty() || states.contains(&message_state(&job.state)))
+            && (any_material || in_range())
+    })
+}
+
+/// Ascending materials as ranges.
+fn ranges(materials: &[u32]) -> Vec<proto::MaterialRange> {
+    let mut ranges: Vec<proto::MaterialRange> = Vec::new();
+    for material in materials.iter().copied() {
+        match ranges.last_mut() {
+            Some(range) if range.last + 1 == material => range.last = material,
+            _ => ranges.push(proto::MaterialRange {
+                first: material,
+                last: material,
+            }),
+        }
+    }
+    ranges
+}
+
+fn message_mode(mode: Mode) -> proto::Mode {
+    match mode {
+        Mode::Running => proto::Mode::Running,
+        Mode::Paused => proto::Mode::Paused,
+        Mode::Draining => proto::Mode::Draining,
+    }
+}
+
+fn message_state(state: &JobState) -> proto::JobState {
+    match state {
+        JobState::Pending => proto::JobState::Pending,
+        JobState::Leased(_) => proto::JobState::Leased,
+        JobState::Completed { check, .. } => match check {
+            Check::Disputed(_) => proto::JobState::Disputed,
+            _ => proto::JobState::Completed,
+        },
+        JobState::SetAside => proto::JobState::SetAside,
+        JobState::Cancelled => proto::JobState::Cancelled,
+    }
+}
+
+fn job_detail(material: u32, job: JobRecord, views_done: u32) -> proto::JobDetail {
+    let state = message_state(&job.state);
+    let holder = job.state.holder();
+    let lease = holder.map_or_else(String::new, |holder| holder.token.to_string());
+    let mut worker = holder.map_or_else(String::new, |holder| holder.name.clone());
+    let mut contradicted_by = String::new();
+    let mut verdict = proto::Check::None;
+    if let JobState::Completed {
+        worker: by, check, ..
+    } = &job.state
+    {
+        worker.clone_from(by);
+        verdict = match check {
+            Check::None => proto::Check::None,
+            Check::Due => proto::Check::Due,
+            Check::Leased(_) => proto::Check::UnderWay,
+            Check::Agreed => proto::Check::Agreed,
+            Check::Disputed(dispute) => {
+                contradicted_by.clone_from(&dispute.worker);
+                proto::Check::None
+            }
+        };
+    }
+    let failures = job.failures.into_iter();
+    let failures = failures.map(|failure| proto::JobFailure {
+        worker: failure.worker,
+        error: shortened(failure.error),
+    });
+    proto::JobDetail {
+        material,
+        state: state.into(),
+        priority: job.priority,
+        failures: failures.collect(),
+        leases_lost: job.leases_lost,
+        worker,
+        lease,
+        views_done,
+        check: verdict.into(),
+        contradicted_by,
+    }
+}
+
+fn worker_detail(name: String, report: WorkerReport) -> proto::WorkerDetail {
+    let failures = report.record.failures_in_a_row.into_iter();
+    let failures = failures.map(|failure| proto::WorkerFailure {
+        material: failure.material,
+        error: shortened(failure.error),
+    });
+    let silent = report.silent.unwrap_or_default();
+    proto::WorkerDetail {
+        name,
+        sessions: report.sessions,
+        leases: report.leases,
+        materials_completed: report.completed,
+        failures: report.record.failures,
+        leases_lost: report.record.leases_lost,
+        failures_in_a_row: failures.collect(),
+        barred: report
+            .record
+            .bar
+            .map_or_else(String::new, |Bar { reason, .. }| reason),
+        silent_ms: silent.as_millis() as u64,
+    }
+}
+
+fn event_message(event: Event) -> proto::Event {
+    proto::Event {
+        unix_ms: event.unix_ms,
+        kind: event.kind.name().to_owned(),
+        material: event.material,
+        worker: event.worker,
+        lease: event.lease,
+        text: event.text,
+    }
+}
+
+fn shortened(mut error: String) -> String {
+    error.truncate(error.floor_char_boundary(limits::ERROR_LISTED_BYTES_MAX));
+    error
+}

@@ -1,0 +1,80 @@
+//! Errors as gRPC statuses with details that programs can read: what kind (ErrorInfo), which field
+//! (BadRequest), when to try again (RetryInfo).
+
+use crate::{farm::FarmError, file_error::FileError, queue::Refusal};
+use proto::limits::{ERROR_DOMAIN, RETRY_AFTER};
+use std::{collections::HashMap, io};
+use tonic::{Code, Status};
+use tonic_types::{ErrorDetails, StatusExt};
+
+/// A status whose details say what kind of error it is, and whether trying again can help.
+pub(crate) fn refuse(code: Code, reason: &str, message: impl Into<String>) -> Status {
+    let mut details = ErrorDetails::new();
+    details.set_error_info(reason, ERROR_DOMAIN, HashMap::new());
+    if matches!(code, Code::Unavailable | Code::ResourceExhausted) {
+        details.set_retry_info(Some(RETRY_AFTER));
+    }
+    Status::with_error_details(code, message, details)
+}
+
+/// The status of a message whose field is wrong.
+pub(super) fn invalid(field: &str, reason: &str) -> Status {
+    let mut details = ErrorDetails::new();
+    details.set_error_info("INVALID_FIELD", ERROR_DOMAIN, HashMap::new());
+    details.add_bad_request_violation(field, reason);
+    Status::with_error_details(Code::InvalidArgument, reason, details)
+}
+
+/// The status of a message with more entries in a field than a call may have.
+pub(super) fn too_many(field: &str, found: usize, max: usize) -> Status {
+    invalid(
+        field,
+        &format!("a call has at most {max} {field}, and this one has {found}"),
+    )
+}
+
+impl From<FarmError> for Status {
+    fn from(error: FarmError) -> Self {
+        let (code, reason) = kind(&error);
+        let message = error.to_string();
+        if code == Code::Internal {
+            tracing::error!(message, "a call failed");
+        }
+        refuse(code, reason, message)
+    }
+}
+
+fn kind(error: &FarmError) -> (Code, &'static str) {
+    match error {
+        FarmError::Refused(Refusal::UnknownMaterial(_)) => {
+            (Code::InvalidArgument, "UNKNOWN_MATERIAL")
+        }
+        FarmError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
+        FarmError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
+        FarmError::Image { .. } | FarmError::Rejected(_) => {
+            (Code::InvalidArgument, "IMAGE_REJECTED")
+        }
+        FarmError::Invalid(_) => (Code::InvalidArgument, "INVALID_MESSAGE"),
+        FarmError::Incompatible(_) => (Code::FailedPrecondition, "INCOMPATIBLE"),
+        FarmError::UnknownWorker(_) => (Code::NotFound, "UNKNOWN_WORKER"),
+        FarmError::NotBarred(_) => (Code::NotFound, "NOT_BARRED"),
+        FarmError::UnknownBlob(_) => (Code::NotFound, "UNKNOWN_IMAGE"),
+        FarmError::DamagedBlob(_) => (Code::DataLoss, "DAMAGED_IMAGE"),
+        FarmError::TooManyWorkers(_) => (Code::ResourceExhausted, "TOO_MANY_WORKERS"),
+        FarmError::TooManyReaders(_) => (Code::ResourceExhausted, "TOO_MANY_READERS"),
+        FarmError::StagingFull(_) => (Code::ResourceExhausted, "STAGING_FULL"),
+        FarmError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
+        FarmError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
+        FarmError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
+        FarmError::File(_) | FarmError::Ledger(_) | FarmError::Random(_) => {
+            (Code::Internal, "SYSTEM")
+        }
+    }
+}
+
+fn is_full(error: &FileError) -> bool {
+    matches!(
+        error.source.kind(),
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge
+    )
+}

@@ -1,0 +1,134 @@
+//! How a command reaches a coordinator.
+
+use crate::failure::BadInput;
+use anyhow::Context;
+use clap::Args;
+use proto::{
+    ControlClient,
+    client::{self, Credentials, with_deadline},
+};
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use tonic::{Code, Request, Response, Status};
+
+/// The largest token or certificate file, bytes.
+const CREDENTIAL_BYTES_MAX: u64 = 64 << 10;
+
+/// Whom a client believes and what it shows.
+#[derive(Clone, Debug, Args)]
+pub struct CredentialOptions {
+    /// A folder with what this side shows and believes: token, authority.pem, and certificate.pem
+    /// with key.pem where the coordinator asks for one; what is not there is not used. `brdfarm
+    /// credentials` makes such folders. The token can also stand in BRDFARM_TOKEN, and never on the
+    /// command line, which other users of the machine can read
+    #[arg(long, value_name = "DIR", env = "BRDFARM_CREDENTIALS")]
+    credentials: Option<PathBuf>,
+}
+
+/// Which coordinator a command speaks to.
+#[derive(Clone, Debug, Args)]
+pub struct CoordinatorOptions {
+    /// The coordinator
+    #[arg(
+        long = "coordinator",
+        value_name = "URL",
+        default_value = "http://127.0.0.1:7117",
+        env = "BRDFARM_COORDINATOR"
+    )]
+    url: String,
+    #[command(flatten)]
+    credentials: CredentialOptions,
+}
+
+impl CredentialOptions {
+    /// Reads what the folder and the environment hold.
+    pub fn load(&self) -> anyhow::Result<Credentials> {
+        let file = |name| match &self.credentials {
+            Some(folder) => read_if_there(&folder.join(name)),
+            None => Ok(None),
+        };
+        if let Some(folder) = self.credentials.as_ref().filter(|folder| !folder.is_dir()) {
+            return Err(BadInput(format!(
+                "--credentials {}: no such folder",
+                folder.display()
+            ))
+            .into());
+        }
+        let token = match file("token")? {
+            Some(token) => Some(text(token, "token")?),
+            None => std::env::var("BRDFARM_TOKEN").ok(),
+        };
+        let identity = match (file("certificate.pem")?, file("key.pem")?) {
+            (Some(certificate), Some(key)) => Some((certificate, key)),
+            (None, None) => None,
+            _ => return Err(BadInput("certificate.pem and key.pem go together".to_owned()).into()),
+        };
+        Ok(Credentials {
+            token: token.map(|token| token.trim().to_owned()),
+            authority: file("authority.pem")?,
+            identity,
+        })
+    }
+}
+
+impl CoordinatorOptions {
+    /// Makes one call and waits for its answer.
+    pub fn call<M, R, F>(
+        &self,
+        message: M,
+        method: impl FnOnce(ControlClient, Request<M>) -> F,
+    ) -> anyhow::Result<R>
+    where
+        F: Future<Output = Result<Response<R>, Status>>,
+    {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        runtime.block_on(async {
+            let client = self.connect()?;
+            let answer = method(client, with_deadline(message)).await;
+            answer
+                .map(Response::into_inner)
+                .map_err(|status| self.error(&status))
+        })
+    }
+
+    /// A client; has to be called inside a runtime.
+    pub fn connect(&self) -> anyhow::Result<ControlClient> {
+        let credentials = self.credentials.load()?;
+        Ok(client::control(&self.url, &credentials).map_err(BadInput)?)
+    }
+
+    /// What a status means for whoever called.
+    pub fn error(&self, status: &Status) -> anyhow::Error {
+        let message = status.message();
+        match status.code() {
+            Code::InvalidArgument => BadInput(message.to_owned()).into(),
+            Code::Unavailable | Code::DeadlineExceeded | Code::Unknown => {
+                anyhow::anyhow!("the coordinator {} does not answer: {message}", self.url)
+            }
+            _ => anyhow::anyhow!("{message}"),
+        }
+    }
+}
+
+/// A credential as text.
+pub fn text(bytes: Vec<u8>, name: &str) -> anyhow::Result<String> {
+    Ok(String::from_utf8(bytes).map_err(|_| BadInput(format!("{name} is no plain text")))?)
+}
+
+/// Reads a file of credentials; `None` where there is none.
+pub fn read_if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+    let unreadable = || format!("cannot read {}", path.display());
+    let bytes = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        metadata => metadata.with_context(unreadable)?.len(),
+    };
+    if bytes > CREDENTIAL_BYTES_MAX {
+        let path = path.display();
+        let what = format!("{path}: {bytes} bytes are no token and no certificate");
+        return Err(BadInput(what).into());
+    }
+    Ok(Some(fs::read(path).with_context(unreadable)?))
+}

@@ -1,0 +1,148 @@
+//! `brdfarm workers`: who works, who failed how often, who may not.
+
+use crate::connection::CoordinatorOptions;
+use crate::plural::count;
+use clap::{Args, Subcommand};
+use proto::{
+    BarWorkerRequest, ControlClient, ListWorkersRequest, UnbarWorkerRequest, WorkerDetail,
+};
+use serde_json::{Value, json};
+use std::io::{self, Write};
+use tonic::Request;
+
+/// What can be done with workers.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    List(List),
+    Bar(Bar),
+    Unbar(Unbar),
+}
+
+/// List workers by name: those that are there, and those with failures or a bar
+#[derive(Debug, Args)]
+pub struct List {
+    #[command(flatten)]
+    coordinator: CoordinatorOptions,
+    /// Print JSON, an object a line
+    #[arg(long)]
+    json: bool,
+}
+
+/// Give a worker no more work, and take back what it holds
+#[derive(Debug, Args)]
+pub struct Bar {
+    #[command(flatten)]
+    coordinator: CoordinatorOptions,
+    name: String,
+    /// Why; the worker logs it
+    #[arg(long, default_value = "barred by an operator")]
+    reason: String,
+}
+
+/// Let a barred worker work again
+#[derive(Debug, Args)]
+pub struct Unbar {
+    #[command(flatten)]
+    coordinator: CoordinatorOptions,
+    name: String,
+}
+
+/// Does it.
+pub fn execute(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::List(options) => list(options),
+        Command::Bar(options) => bar(options),
+        Command::Unbar(options) => unbar(options),
+    }
+}
+
+fn list(options: &List) -> anyhow::Result<()> {
+    let method = async |mut client: ControlClient, request: Request<ListWorkersRequest>| {
+        client.list_workers(request).await
+    };
+    let answer = options.coordinator.call(ListWorkersRequest {}, method)?;
+    let mut out = io::stdout();
+    for worker in &answer.workers {
+        if options.json {
+            writeln!(out, "{}", as_json(worker))?;
+        } else {
+            show(worker, &mut out)?;
+        }
+    }
+    Ok(())
+}
+
+fn bar(options: &Bar) -> anyhow::Result<()> {
+    let message = BarWorkerRequest {
+        name: options.name.clone(),
+        reason: options.reason.clone(),
+    };
+    let method = async |mut client: ControlClient, request: Request<BarWorkerRequest>| {
+        client.bar_worker(request).await
+    };
+    let answer = options.coordinator.call(message, method)?;
+    let leases = count(answer.leases_taken_back, "lease");
+    writeln!(
+        io::stdout(),
+        "{} is barred; {leases} taken back",
+        options.name
+    )?;
+    Ok(())
+}
+
+fn unbar(options: &Unbar) -> anyhow::Result<()> {
+    let message = UnbarWorkerRequest {
+        name: options.name.clone(),
+    };
+    let method = async |mut client: ControlClient, request: Request<UnbarWorkerRequest>| {
+        client.unbar_worker(request).await
+    };
+    options.coordinator.call(message, method)?;
+    writeln!(io::stdout(), "{} works again", options.name)?;
+    Ok(())
+}
+
+fn show(worker: &WorkerDetail, out: &mut impl Write) -> io::Result<()> {
+    let presence = match worker.sessions {
+        0 => "absent".to_owned(),
+        1 => "present".to_owned(),
+        sessions => format!("present {sessions} times"),
+    };
+    writeln!(
+        out,
+        "{:24}  {presence}, {}, {} completed, {}, {} lost",
+        worker.name,
+        count(worker.leases, "lease"),
+        worker.materials_completed,
+        count(worker.failures, "failure"),
+        worker.leases_lost
+    )?;
+    if !worker.barred.is_empty() {
+        writeln!(out, "  barred: {}", worker.barred)?;
+    }
+    for failure in &worker.failures_in_a_row {
+        writeln!(
+            out,
+            "  failed material {}: {}",
+            failure.material, failure.error
+        )?;
+    }
+    Ok(())
+}
+
+fn as_json(worker: &WorkerDetail) -> Value {
+    let failures = worker.failures_in_a_row.iter();
+    let failures =
+        failures.map(|failure| json!({"material": failure.material, "error": failure.error}));
+    json!({
+        "name": worker.name,
+        "sessions": worker.sessions,
+        "leases": worker.leases,
+        "materials_completed": worker.materials_completed,
+        "failures": worker.failures,
+        "leases_lost": worker.leases_lost,
+        "failures_in_a_row": failures.collect::<Vec<_>>(),
+        "barred": worker.barred,
+        "silent_seconds": worker.silent_ms as f64 / 1e3,
+    })
+}

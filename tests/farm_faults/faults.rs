@@ -1,0 +1,115 @@
+//! One fault at a time.
+
+use crate::harness::{Harness, wait_for};
+use crate::proxy::Proxy;
+use std::fs;
+use std::time::Duration;
+
+#[test]
+fn a_frozen_worker_s_work_goes_to_others_and_what_it_brings_late_changes_nothing() {
+    let mut harness = Harness::new(6, 64);
+    harness.start();
+    let frozen = harness.worker("frozen", &harness.address);
+    wait_for("a lease", || harness.status()["leased"] != 0);
+    frozen.signal("STOP");
+    let held = harness.status()["leased"].clone();
+    assert_ne!(held, 0, "it was frozen too late");
+    let sound = harness.worker("sound", &harness.address);
+    harness.wait_until_finished();
+    assert_eq!(harness.status()["leases_lost"], held);
+    frozen.signal("CONT");
+    assert_eq!(frozen.code(), Some(0), "it learns that nothing is left");
+    assert_eq!(sound.code(), Some(0));
+    harness.kill_coordinator();
+    harness.expect_undisturbed();
+}
+
+#[test]
+fn a_network_that_delays_swallows_and_breaks_changes_nothing() {
+    let mut harness = Harness::new(8, 64);
+    harness.start();
+    let proxy = Proxy::before(&harness.address);
+    let far = harness.worker("far", &proxy.address);
+    wait_for("a completion", || !harness.completed().is_empty());
+    proxy.delay(Duration::from_millis(30));
+    let before = harness.completed().len();
+    wait_for("a slow completion", || harness.completed().len() > before);
+    proxy.cut(true);
+    wait_for("lost leases", || harness.status()["leases_lost"] != 0);
+    proxy.cut(false);
+    let before = harness.completed().len();
+    wait_for("a completion after the cut", || {
+        harness.completed().len() > before
+    });
+    proxy.delay(Duration::ZERO);
+    // Longer than a lease; shorter than it takes to see that the connection is dead.
+    proxy.swallow(true);
+    std::thread::sleep(Duration::from_secs(3));
+    proxy.swallow(false);
+    proxy.cut(true);
+    proxy.cut(false);
+    harness.wait_until_finished();
+    assert_eq!(harness.status()["set_aside"], 0);
+    assert_eq!(far.code(), Some(0));
+    harness.kill_coordinator();
+    harness.expect_undisturbed();
+}
+
+/// More than the ledger grows by while a small set is rendered.
+const LEDGER_GROWTH_BYTES: usize = 8 << 20;
+
+/// The disk is full: a limit on the size of files stands in for it, which no system lacks.
+#[test]
+fn a_full_disk_stops_the_work_with_a_clear_message_and_space_lets_it_go_on() {
+    let mut harness = Harness::new(8, 16);
+    harness.start();
+    let worker = harness.worker("patient", &harness.address);
+    wait_for("a completion", || !harness.completed().is_empty());
+    worker.signal("STOP");
+    harness.kill_coordinator();
+    // The log is made the largest file by saying again what it says, so that it fills first.
+    let path = harness.store().join("completions.log");
+    let log = fs::read(&path).expect("a log");
+    let ledger = fs::metadata(harness.store().join("ledger/db")).expect("a ledger");
+    let copies = (ledger.len() as usize + LEDGER_GROWTH_BYTES) / log.len();
+    fs::write(&path, log.repeat(copies)).expect("written");
+    let blocks = (log.len() * copies).div_ceil(1024);
+    // With the signal ignored a write beyond the limit is an error, as on a full disk.
+    let arguments = harness.serve();
+    let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {arguments}");
+    let mut command = harness.command("bash", "");
+    command.args(["-c", &script, env!("CARGO_BIN_EXE_brdfarm")]);
+    harness.start_as(command);
+    worker.signal("CONT");
+    let full = harness.coordinator.take().expect("a coordinator");
+    assert_eq!(full.code(), Some(1));
+    let said = harness.log();
+    assert!(
+        said.contains("the store can no longer be written"),
+        "{said}"
+    );
+    assert!(
+        said.contains("File too large") || said.contains("completions.log"),
+        "{said}"
+    );
+    let kept = harness.completed();
+    assert!(
+        kept.iter().max() < Some(&7),
+        "there was room for everything"
+    );
+    for material in harness.acknowledged() {
+        assert!(
+            kept.contains(&material),
+            "material {material} was acknowledged and is gone"
+        );
+    }
+    let full = fs::read(&path).expect("a log");
+    let once = [&log[..], &full[log.len() * copies..]].concat();
+    fs::write(&path, once).expect("written");
+
+    harness.start();
+    harness.wait_until_finished();
+    assert_eq!(worker.code(), Some(0), "the worker waited and went on");
+    harness.kill_coordinator();
+    harness.expect_undisturbed();
+}

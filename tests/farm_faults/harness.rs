@@ -1,0 +1,259 @@
+//! A farm of real processes that can be hurt.
+
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs::{self, File};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+/// How long anything may take at the very most.
+pub const PATIENCE: Duration = Duration::from_secs(900);
+
+pub struct Harness {
+    directory: tempfile::TempDir,
+    /// The coordinator's address; the same after each restart.
+    pub address: String,
+    pub coordinator: Option<Process>,
+}
+
+/// A process that ends with its test.
+pub struct Process(Child);
+
+impl Process {
+    pub fn spawn(command: &mut Command) -> Self {
+        Self(command.spawn().expect("a process"))
+    }
+
+    pub fn signal(&self, name: &str) {
+        let id = self.0.id().to_string();
+        let sent = Command::new("kill").args(["-s", name, &id]).status();
+        assert!(sent.expect("kill runs").success(), "SIG{name} to {id}");
+    }
+
+    pub fn kill(mut self) {
+        self.0.kill().expect("SIGKILL");
+        self.0.wait().expect("its end");
+    }
+
+    pub fn has_ended(&mut self) -> bool {
+        self.0.try_wait().expect("a status").is_some()
+    }
+
+    /// Waits for its end and returns its exit code.
+    pub fn code(mut self) -> Option<i32> {
+        wait_for("an end", || self.has_ended());
+        self.0.wait().expect("a status").code()
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // An error means that it has ended already.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !done() {
+        assert!(Instant::now() < deadline, "waited in vain for {what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+impl Harness {
+    /// A farm that is going to render `materials` small materials, `samples` paths a pixel.
+    pub fn new(materials: u32, samples: u32) -> Self {
+        let directory = tempfile::tempdir().expect("a directory");
+        let specification = format!(
+            "name = \"hurt\"\nmaterials = {materials}\n[image]\nwidth = 16\nheight = 16\n\
+             [integrator]\nkind = \"path\"\nsamples_per_pixel = {samples}\n"
+        );
+        fs::write(directory.path().join("spec.toml"), specification).expect("written");
+        Self {
+            directory,
+            address: "127.0.0.1:0".to_owned(),
+            coordinator: None,
+        }
+    }
+
+    pub fn path(&self) -> &Path {
+        self.directory.path()
+    }
+
+    pub fn store(&self) -> PathBuf {
+        self.path().join("farm")
+    }
+
+    pub fn command(&self, program: &str, arguments: &str) -> Command {
+        let mut command = Command::new(program);
+        command.current_dir(self.path());
+        command.args(arguments.split_whitespace());
+        command
+    }
+
+    pub fn run(&self, arguments: &str) -> Output {
+        let mut command = self.command(env!("CARGO_BIN_EXE_brdfarm"), arguments);
+        command.output().expect("brdfarm runs")
+    }
+
+    pub fn succeed(&self, arguments: &str) -> String {
+        let output = self.run(arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "brdfarm {arguments}: {said}");
+        String::from_utf8(output.stdout).expect("UTF-8")
+    }
+
+    pub fn serve(&self) -> String {
+        format!(
+            "coordinator serve --spec spec.toml --store farm --listen {} --lease-seconds 2 \
+             --check-percent 0",
+            self.address
+        )
+    }
+
+    /// Starts the coordinator, or starts it again on the same address.
+    pub fn start(&mut self) {
+        let arguments = self.serve();
+        let command = self.command(env!("CARGO_BIN_EXE_brdfarm"), &arguments);
+        self.start_as(command);
+    }
+
+    /// The same with another command line.
+    pub fn start_as(&mut self, mut command: Command) {
+        let errors = File::options()
+            .create(true)
+            .append(true)
+            .open(self.path().join("coordinator.log"))
+            .expect("a log");
+        command.stdout(Stdio::piped()).stderr(errors);
+        let mut process = Process::spawn(&mut command);
+        let mut line = String::new();
+        let stdout = process.0.stdout.take().expect("a pipe");
+        BufReader::new(stdout).read_line(&mut line).expect("a line");
+        let place = line.trim().rsplit('/').next().unwrap_or_default();
+        assert!(
+            !place.is_empty(),
+            "the coordinator does not start: {}",
+            self.log()
+        );
+        self.address = place.to_owned();
+        self.coordinator = Some(process);
+    }
+
+    pub fn kill_coordinator(&mut self) {
+        self.coordinator.take().expect("a coordinator").kill();
+    }
+
+    /// What coordinators said on standard error.
+    pub fn log(&self) -> String {
+        fs::read_to_string(self.path().join("coordinator.log")).unwrap_or_default()
+    }
+
+    /// A worker whose log is kept under its name.
+    pub fn worker(&self, name: &str, address: &str) -> Process {
+        let arguments = format!(
+            "worker connect http://{address} --name {name} --threads 1 --backend native \
+             --log info --log-format json"
+        );
+        let log = File::options()
+            .create(true)
+            .append(true)
+            .open(self.path().join(format!("{name}.worker")))
+            .expect("a log");
+        let mut command = self.command(env!("CARGO_BIN_EXE_brdfarm"), &arguments);
+        Process::spawn(command.stdout(Stdio::null()).stderr(log))
+    }
+
+    /// Materials whose completion some worker was told of, once for every time.
+    pub fn acknowledged(&self) -> Vec<u64> {
+        let files = fs::read_dir(self.path()).expect("a directory");
+        let files = files.map(|file| file.expect("a file").path());
+        let logs = files.filter(|path| path.extension().is_some_and(|kind| kind == "worker"));
+        let mut materials = Vec::new();
+        for log in logs {
+            let text = fs::read_to_string(log).expect("a log");
+            // A killed worker can leave half a line.
+            let lines = text
+                .lines()
+                .filter_map(|line| serde_json::from_str(line).ok());
+            let told = lines.filter(|line: &Value| line["fields"]["message"] == "completed");
+            materials.extend(told.filter_map(|line| line["span"]["material"].as_u64()));
+        }
+        materials
+    }
+
+    /// Materials that the completion log has, in its order.
+    pub fn completed(&self) -> Vec<u64> {
+        let log = fs::read_to_string(self.store().join("completions.log")).unwrap_or_default();
+        let whole = log.rsplit_once('\n').map_or("", |(whole, _)| whole);
+        whole
+            .lines()
+            .map(|line| {
+                let (_, json) = line.split_once(' ').expect("a checksum");
+                let entry: Value = serde_json::from_str(json).expect("JSON");
+                entry["material"].as_u64().expect("a completion")
+            })
+            .collect()
+    }
+
+    pub fn status(&self) -> Value {
+        let arguments = format!("status --json --coordinator http://{}", self.address);
+        let output = self.run(&arguments);
+        serde_json::from_slice(&output.stdout).unwrap_or_default()
+    }
+
+    pub fn wait_until_finished(&self) {
+        wait_for("the end of the set", || self.status()["finished"] == true);
+    }
+
+    /// The farm's set is complete, every image is there once and what an undisturbed run makes.
+    pub fn expect_undisturbed(&self) {
+        self.succeed("dataset verify --store farm");
+        self.succeed("run --spec spec.toml --store undisturbed --backend native");
+        let [farm, undisturbed] = ["farm", "undisturbed"].map(|store| {
+            let out = format!("{store}.jsonl");
+            let arguments =
+                format!("dataset manifest export --store {store} --format jsonl --out {out}");
+            self.succeed(&arguments);
+            fs::read_to_string(self.path().join(out)).expect("a manifest")
+        });
+        assert_eq!(farm, undisturbed);
+        let materials = self.completed();
+        let once: BTreeSet<u64> = materials.iter().copied().collect();
+        assert_eq!(
+            materials.len(),
+            once.len(),
+            "a material was completed twice"
+        );
+    }
+}
+
+/// A seed that is printed, and can be given.
+pub fn seed() -> u64 {
+    let given = std::env::var("BRDFARM_SEED").ok();
+    let now = || {
+        SystemTime::now()
+            .duration_since(UNIX_EPOCH)
+            .map_or(0, |now| now.as_nanos() as u64)
+    };
+    let seed = given.map_or_else(now, |seed| seed.parse().expect("BRDFARM_SEED is a number"));
+    println!("BRDFARM_SEED={seed}");
+    seed
+}
+
+/// Numbers drawn at random from a seed: SplitMix64.
+pub struct Draws(pub u64);
+
+impl Draws {
+    pub fn below(&mut self, end: u64) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        (bits ^ (bits >> 31)) % end
+    }
+}
