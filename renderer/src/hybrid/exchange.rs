@@ -52,8 +52,10 @@ const ONCE_SHARE: f64 = 0.25;
 const ONCE_TERMS: usize = 8;
 const TWICE_TERMS: usize = 5;
 
-/// Tiles of the light off the sample are halved no more than this often.
+/// Tiles of the light off the sample are halved no more than this often, and of that off a sheet,
+/// which takes a hundred times the work.
 const HALVINGS_MAX: u32 = 6;
+const SHEET_HALVINGS_MAX: u32 = 3;
 
 /// Irradiance over pi on the chart, in units of white, by how it came. The tiles span a and
 /// ln(1 + b/gap) with the gap between sample and chart: near the sample it changes fastest.
@@ -105,14 +107,15 @@ impl Exchange {
             let allowed = ONCE_SHARE * accuracy.absolute.max(accuracy.relative * direct);
             let (tiles, error, spent) = if sheet {
                 let fineness = Fineness::new(SHEET_ERROR);
-                receiver.adaptive(allowed, SHEET_POINTS, |batch, positions| {
+                let rule = (SHEET_POINTS, SHEET_HALVINGS_MAX);
+                receiver.adaptive(allowed, rule, |batch, positions| {
                     sum_over(positions, |position, toward| {
                         stage.bulb_off_sample(position, toward, reflectance, fineness, batch)
                     })
                 })
             } else {
                 let bulb = stage.small_bulb();
-                receiver.adaptive(allowed, ONCE_POINTS, |batch, positions| {
+                receiver.adaptive(allowed, (ONCE_POINTS, HALVINGS_MAX), |batch, positions| {
                     bulb.off_sample(reflectance, stage.instructions, positions, batch)
                 })
             };
@@ -290,7 +293,7 @@ impl Receiver<'_> {
     fn adaptive<B: Default>(
         &self,
         allowed: f64,
-        points: [[usize; 2]; 2],
+        (points, halvings_max): ([[usize; 2]; 2], u32),
         off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
     ) -> (Vec<Tile<ONCE_TERMS>>, f64, u64) {
         let basis = Basis::new();
@@ -307,7 +310,7 @@ impl Receiver<'_> {
             open.clear();
             for (rectangle, depth, (tile, fit, missed, spent)) in fits {
                 evaluations += spent;
-                if fit.error <= allowed || depth >= HALVINGS_MAX {
+                if fit.error <= allowed || depth >= halvings_max {
                     error = error.max(fit.error + missed);
                     tiles.push(tile);
                     continue;
