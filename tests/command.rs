@@ -351,7 +351,10 @@ fn a_wrong_command_line_is_refused_before_anything_is_written() {
         ("run --store occupied", "thesis.tex"),
         ("coordinator serve --listen 0.0.0.0:0", "--insecure"),
         ("worker connect farm:7117", "http(s)://HOST:PORT"),
-        ("worker connect http://farm:7117/jobs", "http(s)://HOST:PORT"),
+        (
+            "worker connect http://farm:7117/jobs",
+            "http(s)://HOST:PORT",
+        ),
         ("dataset verify --store nowhere", "no store in nowhere"),
         ("dataset show --materials 5-3 --out x.png", "5-3"),
         ("dataset show --out x.jpg", ".png"),
