@@ -18,6 +18,7 @@ mod exchange;
 mod gauss;
 mod light;
 mod mirror;
+mod mirror_kernels;
 mod panel;
 mod pixel;
 mod polygon;
@@ -276,7 +277,7 @@ impl Stage {
                 .map(|channel| channel + direct)
         });
         if mirror::wanted(reflectance) {
-            return self.add_mirrored_chart(canvas, &chart, reflectance, key);
+            return self.add_mirrored_chart(canvas, &chart, exchange.error(), reflectance, key);
         }
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
@@ -301,11 +302,12 @@ impl Stage {
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 
-    /// The chart in a smooth sample; returns evaluations.
+    /// The chart, known to `chart_error`, in a smooth sample; returns evaluations.
     fn add_mirrored_chart(
         &self,
         canvas: &mut Canvas<'_>,
         chart: &LitChart,
+        chart_error: f64,
         reflectance: &Reflectance,
         key: u64,
     ) -> u64 {
@@ -325,7 +327,10 @@ impl Stage {
         let (pixels, evaluations) =
             mirrored.render(&bounds, |column, row| canvas.value((column, row)));
         for (place, pixel) in bounds.pixels().zip(pixels) {
-            canvas.add(place, pixel.value, pixel.error);
+            // A mirror passes on what its chart is off by, where it shows anything of it.
+            let shown = pixel.value.iter().any(|&channel| channel > 0.0);
+            let inherited = if shown { chart_error } else { 0.0 };
+            canvas.add(place, pixel.value, pixel.error + inherited);
         }
         evaluations
     }
