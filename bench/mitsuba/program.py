@@ -1,8 +1,7 @@
-"""Drives `brdfarm render` and reads what it writes."""
+"""Drives brdfarm: one process that renders on request, and `brdfarm render`."""
 
 import json
 import os
-import re
 import statistics
 import subprocess
 import tomllib
@@ -15,14 +14,6 @@ import numpy as np
 # What the accuracy of a specification holds: absolute (of white) over relative, as in the preset.
 ABSOLUTE_OVER_RELATIVE = 0.1
 VIEW_WITHOUT_CHART = 13
-LAMBERTIAN = {
-    "roughness": 100.0,
-    "anisotropy": 0.0,
-    "angle_deg": 0.0,
-    "ior": 1.5,
-    "rgb0": [0.5, 0.5, 0.5],
-    "rgb90": [0.5, 0.5, 0.5],
-}
 
 
 @dataclass
@@ -30,19 +21,34 @@ class Rendering:
     """An image of shape (rows, columns, 3), in units of white."""
 
     pixels: np.ndarray
-    # Of the whole process, user and system, all threads: start, EXR file and all.
+    # User and system, all threads, from the material to the film: the median of several.
     cpu_seconds: float
     # The program's own bound on its error, meant to hold for 95 percent of pixels; its mean.
     stated_error: float
 
 
 class Program:
-    """The program at a path, rendering with a number of threads, its files in a folder."""
+    """The program, and its renderer as a process that stays (`renderer/examples/timed.rs`), with a
+    number of threads and their files in a folder."""
 
-    def __init__(self, path: Path, threads: int, folder: Path):
+    def __init__(self, path: Path, timed: Path, threads: int, folder: Path):
         self.path, self.threads, self.folder = path, threads, folder
         text = subprocess.check_output([path, "dataset", "specification"], text=True)
         self.specification = tomllib.loads(text)
+        image = self.specification["image"]
+        self.shape = (image["height"], image["width"], 3)
+        self.timed = subprocess.Popen(
+            [timed],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "RAYON_NUM_THREADS": str(threads)},
+        )
+
+    def close(self):
+        """Ends the process that renders."""
+        self.timed.stdin.close()
+        self.timed.wait()
 
     def preset_material(self, index: int) -> dict:
         """The ten parameters of a material of the preset."""
@@ -54,28 +60,29 @@ class Program:
         header = json.loads(mi.Bitmap(str(out)).metadata()["brdfarm"])
         return header["parameters"]
 
-    def start_cpu_seconds(self, repetitions: int) -> float:
-        """What a process takes to render next to nothing: a pixel of a Lambertian sample."""
-        material_file = self.folder / "lambertian.json"
-        material_file.write_text(json.dumps(LAMBERTIAN))
-        arguments = ["--spec", self._next_to_nothing(), "--material-file", material_file]
-        arguments += ["--view", str(VIEW_WITHOUT_CHART), "--out", self.folder / "start.exr"]
-        return statistics.median(self._run(arguments)[0] for _ in range(repetitions))
+    def render(self, material: dict, view: int, relative: float, repetitions: int) -> Rendering:
+        """A view of a material, to a relative accuracy, in the process that stays."""
+        out = self.folder / "image.f64"
+        request = {"material": material, "view": view, "repetitions": repetitions, "out": str(out)}
+        request |= {"relative": relative, "absolute": ABSOLUTE_OVER_RELATIVE * relative}
+        print(json.dumps(request), file=self.timed.stdin, flush=True)
+        line = self.timed.stdout.readline()
+        if not line:
+            raise RuntimeError(f"no answer to {request}: the renderer ended")
+        answer = json.loads(line)
+        pixels = np.fromfile(out, dtype="<f8").reshape(self.shape)
+        cpu_seconds = statistics.median(answer["cpu_seconds"])
+        return Rendering(pixels, cpu_seconds, answer["stated_error"])
 
-    def render(self, material: dict, view: int, relative: float) -> Rendering:
-        """A view of a material, to a relative accuracy."""
-        out = self.folder / "image.exr"
+    def process_cpu_seconds(
+        self, material: dict, view: int, relative: float, repetitions: int
+    ) -> float:
+        """What `brdfarm render` takes for it, from its start to the file: the median of several."""
         material_file = self.folder / "material.json"
         material_file.write_text(json.dumps(material))
-        cpu_seconds, printed = self._run(
-            ["--spec", self._specification_file(relative), "--material-file", material_file]
-            + ["--view", str(view), "--out", out]
-        )
-        stated = re.search(r"error mean (\S+),", printed)
-        if stated is None:
-            raise RuntimeError(f"{self.path} printed no mean error: {printed!r}")
-        pixels = np.array(mi.Bitmap(str(out)), dtype=np.float64)
-        return Rendering(pixels, cpu_seconds, float(stated[1]))
+        arguments = ["--spec", self._specification_file(relative), "--material-file", material_file]
+        arguments += ["--view", str(view), "--out", self.folder / "image.exr"]
+        return statistics.median(self._run(arguments) for _ in range(repetitions))
 
     def _next_to_nothing(self) -> Path:
         """A specification of one small pixel."""
@@ -91,14 +98,12 @@ class Program:
         )
         return path
 
-    def _run(self, arguments: list) -> tuple[float, str]:
+    def _run(self, arguments: list) -> float:
         command = [self.path, "render", "--threads", str(self.threads), *arguments]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        printed = process.stdout.read()
-        process.stdout.close()
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         # The usage of this child alone; what it left of the parent's would sum over all.
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode != 0:
             raise RuntimeError(f"{self.path} render ended with exit code {process.returncode}")
-        return usage.ru_utime + usage.ru_stime, printed
+        return usage.ru_utime + usage.ru_stime

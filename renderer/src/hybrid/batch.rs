@@ -4,32 +4,54 @@
 /// instruction set, so that all add in one order.
 pub const LANES: usize = 8;
 
-/// Points of `N` numbers each, in blocks of [`LANES`]. The last block is filled up with zeros.
-#[derive(Clone, Debug, Default)]
+/// Points of a rule that are worked out together: most rules have fewer than [`LANES`].
+pub const FOUR: usize = 4;
+
+/// Points of `N` numbers each, number by number, in blocks of [`LANES`].
+///
+/// What fills the last block up is zeros or what [`Batch::push_of_four`] was given there.
+#[derive(Clone, Debug)]
 pub struct Batch<const N: usize> {
-    blocks: Vec<[[f64; LANES]; N]>,
+    /// Each as long as whole blocks.
+    columns: [Vec<f64>; N],
     count: usize,
+}
+
+impl<const N: usize> Default for Batch<N> {
+    fn default() -> Self {
+        Self {
+            columns: std::array::from_fn(|_| Vec::new()),
+            count: 0,
+        }
+    }
 }
 
 impl<const N: usize> Batch<N> {
     /// Takes all points out.
     pub fn clear(&mut self) {
-        self.blocks.clear();
+        self.columns.iter_mut().for_each(Vec::clear);
         self.count = 0;
     }
 
     /// Adds a point.
+    #[inline(always)]
     pub fn push(&mut self, point: [f64; N]) {
-        let lane = self.count % LANES;
-        if lane == 0 {
-            self.blocks.push([[0.0; LANES]; N]);
-        }
-        if let Some(block) = self.blocks.last_mut() {
-            for (column, value) in block.iter_mut().zip(point) {
-                column[lane] = value;
-            }
+        self.make_room(1);
+        for (column, value) in self.columns.iter_mut().zip(point) {
+            column[self.count] = value;
         }
         self.count += 1;
+    }
+
+    /// Adds the first `count` of four points. The others may be read with the last block: they must
+    /// be finite and weigh nothing.
+    #[inline(always)]
+    pub fn push_of_four(&mut self, points: [[f64; FOUR]; N], count: usize) {
+        self.make_room(FOUR);
+        for (column, values) in self.columns.iter_mut().zip(points) {
+            column[self.count..self.count + FOUR].copy_from_slice(&values);
+        }
+        self.count += count;
     }
 
     /// How many points there are.
@@ -38,8 +60,23 @@ impl<const N: usize> Batch<N> {
     }
 
     /// The points, number by number.
-    pub fn blocks(&self) -> &[[[f64; LANES]; N]] {
-        &self.blocks
+    #[inline(always)]
+    pub fn blocks(&self) -> impl ExactSizeIterator<Item = [&[f64; LANES]; N]> {
+        (0..self.count.div_ceil(LANES)).map(|block| {
+            self.columns
+                .each_ref()
+                .map(|column| &column.as_chunks().0[block])
+        })
+    }
+
+    #[inline(always)]
+    fn make_room(&mut self, points: usize) {
+        let length = self.columns.first().map_or(0, Vec::len);
+        if self.count + points > length {
+            for column in &mut self.columns {
+                column.resize(length + LANES, 0.0);
+            }
+        }
     }
 }
 
@@ -70,6 +107,21 @@ mod tests {
             batch.push([n, 1.0]);
         }
         batch.clear();
-        assert!(batch.blocks().is_empty());
+        assert_eq!(batch.blocks().len(), 0);
+    }
+
+    #[test]
+    fn fours_follow_one_another_without_their_fillers() {
+        let mut batch = Batch::<1>::default();
+        let mut expected: Vec<f64> = Vec::new();
+        for (step, count) in [4, 1, 3, 2, 4, 4, 1].into_iter().enumerate() {
+            let first = 10.0 * step as f64;
+            let values = std::array::from_fn(|i| first + i as f64);
+            batch.push_of_four([values], count);
+            expected.extend(&values[..count]);
+        }
+        let found: Vec<f64> = batch.blocks().flat_map(|[column]| *column).collect();
+        assert_eq!(found[..expected.len()], expected);
+        assert_eq!(found.len(), 24);
     }
 }

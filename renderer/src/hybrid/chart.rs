@@ -1,8 +1,8 @@
 //! The chart as the sample sees it: light off its patches, reflected toward a viewer.
 
 use super::batch::{Batch, LANES, total};
-use super::elementary::{asinh, exp, log1p};
-use super::gauss::GaussRule;
+use super::elementary::{exp, log1p};
+use super::gather;
 use super::slopes::{Fineness, Slopes};
 use crate::instructions::{Instructions, kernel};
 use crate::reflectance::{Reflectance, fresnel, lobe::Lobe};
@@ -75,125 +75,9 @@ impl LitChart {
         parabola(&self.light_across(patch, up), across)
     }
 
-    /// Gathers the directions of a product rule from `position`.
-    ///
-    /// In the plane across the panel's x axis, s is that for which sinh s is the way up the panel
-    /// over the distance to it; in a plane through the x axis, ln t that for which sinh ln t is the
-    /// way along the panel over that plane's distance to it. The solid angle is ds dt / (t cosh s
-    /// cosh^2 ln t). Rows of patches are intervals of s, and columns, for each s, of t; and however
-    /// close the sample comes to the chart, the integrand stays smooth. Intervals are parted where it
-    /// bends, at three cosines of the light's direction.
-    fn gather(
-        &self,
-        position: Vec3,
-        levels: [f64; 3],
-        window: &Window,
-        fineness: Fineness,
-        batch: &mut LightBatch,
-    ) {
-        let panel = &self.panel;
-        let Seen { height, foot } = self.seen_from(position);
-        let s_of = |b: f64| asinh((b - foot) / height);
-        // In the plane across x, light stands as high as a level at two angles from the panel's
-        // normal: s is the inverse Gudermannian of these.
-        let bends = mirrored(levels.map(|level| {
-            if level < 1.0 {
-                0.5 * PI - libm::asin(level)
-            } else {
-                NOWHERE
-            }
-        }))
-        .map(|off_zenith| self.s_at(0.5 * PI + off_zenith));
-        let [low, high] = [window.low[1], window.high[1]].map(|beta| self.s_at(beta));
-        let mut next = s_of(0.0);
-        for row in 0..panel.rows {
-            let start = next;
-            next = s_of(f64::from(row + 1) * panel.pitch);
-            for [from, to] in parts(start.max(low), next.min(high), &bends) {
-                let angle = gudermann(to) - gudermann(from);
-                let more = fineness.more_beside(to - from);
-                let rule = GaussRule::of(fineness.points(angle / window.width[1], more));
-                for (s, weight) in rule.on(from, to) {
-                    let line = Line::new(self, row, [height, foot], s, &levels);
-                    let weight = weight * line.cos_gamma;
-                    self.gather_line(position, &line, weight, window, fineness, batch);
-                }
-            }
-        }
-    }
-
-    /// The same for directions of one s.
-    fn gather_line(
-        &self,
-        position: Vec3,
-        line: &Line,
-        weight_s: f64,
-        window: &Window,
-        fineness: Fineness,
-        batch: &mut LightBatch,
-    ) {
-        let panel = &self.panel;
-        // From the sample's point to the column's left edge.
-        let along = |column: u32| panel.corner.x - position.x + f64::from(column) * panel.pitch;
-        let per_reach = 1.0 / line.reach;
-        let t_of = |along: f64| exp_asinh(along * per_reach);
-        let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
-        let (half_reach, per_pitch) = (0.5 * line.reach / panel.pitch, 1.0 / panel.pitch);
-        let mut next = t_of(along(0));
-        for column in 0..panel.columns {
-            let start = next;
-            next = t_of(along(column + 1));
-            let (from, to) = (start.max(low), next.min(high));
-            if from >= to {
-                continue;
-            }
-            let patch = ((panel.rows - 1 - line.row) * panel.columns + column) as usize;
-            let light = self.light_across(patch, line.up);
-            let along = along(column) * per_pitch;
-            for [from, to] in parts(from, to, &line.bends) {
-                let more = fineness.more_beside((to - from) / (from * to).sqrt());
-                let widths = (sine(to) - sine(from)) / window.width[0];
-                let rule = GaussRule::of(fineness.points(widths, more));
-                for (t, weight_t) in rule.on(from, to) {
-                    let t2 = t * t;
-                    let share = 1.0 / (1.0 + t2);
-                    let cos = 2.0 * t * share;
-                    let place = half_reach * (t - 1.0 / t) - along;
-                    let weight = weight_s * weight_t * 2.0 * cos * share;
-                    let [r, g, b] = parabola(&light, place).map(|light| weight * light);
-                    let sin = (t2 - 1.0) * share;
-                    batch.push([sin, cos * line.cos, cos * line.sin, r, g, b]);
-                }
-            }
-        }
-    }
-
-    /// Where the panel stands from `position`.
-    fn seen_from(&self, position: Vec3) -> Seen {
-        let panel = &self.panel;
-        let offset = position - panel.corner;
-        Seen {
-            height: panel.z.dot(offset),
-            foot: panel.y.dot(offset),
-        }
-    }
-
-    /// The s of a direction across the x axis of this angle from +y, 0 to pi; infinite for one that
-    /// passes over the panel.
-    fn s_at(&self, beta: f64) -> f64 {
-        let (sin, cos) = libm::sincos(beta);
-        let panel = &self.panel;
-        let approach = -(panel.z.y * cos + panel.z.z * sin);
-        let up = panel.y.y * cos + panel.y.z * sin;
-        if approach > 0.0 {
-            asinh(up / approach)
-        } else {
-            f64::INFINITY
-        }
-    }
-
     /// A patch's radiance at a height of 0 to 1 of it, at `LIGHT_NODES` points across.
-    fn light_across(&self, patch: usize, up: f64) -> [[f64; 3]; LIGHT_NODES] {
+    #[inline(always)]
+    pub(super) fn light_across(&self, patch: usize, up: f64) -> [[f64; 3]; LIGHT_NODES] {
         let weights = parabola_weights(up);
         let mut light = [[0.0; 3]; LIGHT_NODES];
         for (line, weight) in self.light[patch].iter().zip(weights) {
@@ -222,7 +106,16 @@ impl LitChart {
         // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
         let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
         batch.clear();
-        self.gather(position, [wo.z, first, second], &window, fineness, batch);
+        let levels = [wo.z, first, second];
+        gather::directions(
+            instructions,
+            self,
+            position,
+            levels,
+            &window,
+            fineness,
+            batch,
+        );
         let (lobe, ior) = (&reflectance.lobe, reflectance.ior);
         let [fresnel, excess, diffuse] =
             integrals(instructions, batch, wo, lobe, ior, response.knee);
@@ -236,127 +129,6 @@ impl LitChart {
         (radiance, batch.count() as u32)
     }
 }
-
-/// The panel's plane from a point before it.
-struct Seen {
-    /// The distance to it.
-    height: f64,
-    /// The b of the nearest point of it.
-    foot: f64,
-}
-
-/// Directions of one s in a row of patches.
-struct Line {
-    row: u32,
-    /// Of the angle from +y.
-    sin: f64,
-    cos: f64,
-    /// Of the angle to the panel's normal.
-    cos_gamma: f64,
-    /// From the sample's point to the panel, across its x axis.
-    reach: f64,
-    /// Where on the patches, 0 to 1 up.
-    up: f64,
-    /// The t at which the integrand bends, and some at which long intervals are parted.
-    bends: [f64; 2 * BENDS],
-}
-
-impl Line {
-    fn new(
-        chart: &LitChart,
-        row: u32,
-        [height, foot]: [f64; 2],
-        s: f64,
-        levels: &[f64; 3],
-    ) -> Self {
-        let panel = &chart.panel;
-        let e = exp(s);
-        let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
-        let cos_gamma = 1.0 / cosh;
-        let across = panel.y * (sinh * cos_gamma) - panel.z * cos_gamma;
-        let up = (foot + height * sinh) / panel.pitch - f64::from(row);
-        Self {
-            row,
-            sin: across.z,
-            cos: across.y,
-            cos_gamma,
-            reach: height * cosh,
-            up: up.clamp(0.0, 1.0),
-            bends: {
-                let bends = levels.map(|level| {
-                    // cosh ln t is this where light stands at the level.
-                    let ratio = across.z / level;
-                    if ratio > 1.0 {
-                        ratio + (ratio * ratio - 1.0).sqrt()
-                    } else {
-                        NOWHERE
-                    }
-                });
-                let ([a, b, c], [d, e, f]) = (bends, bends.map(|bend| 1.0 / bend));
-                let [g, h, i, j, k, l] = POWERS_OF_E;
-                [a, b, c, d, e, f, g, h, i, j, k, l]
-            },
-        }
-    }
-}
-
-/// e^-3 to e^3 without e^0, about.
-const POWERS_OF_E: [f64; BENDS] = [0.05, 0.135, 0.37, 2.7, 7.4, 20.0];
-
-/// The angle whose tangent is sinh s.
-fn gudermann(s: f64) -> f64 {
-    let e = exp(s.min(EXP_MAX));
-    2.0 * libm::atan(e) - 0.5 * PI
-}
-
-/// The sine of [`t_at_sine`].
-fn sine(t: f64) -> f64 {
-    1.0 - 2.0 / (t * t + 1.0)
-}
-
-/// Far beyond any s that meets the panel.
-const EXP_MAX: f64 = 600.0;
-
-/// exp(asinh(x)).
-fn exp_asinh(x: f64) -> f64 {
-    let sum = x.abs() + (1.0 + x * x).sqrt();
-    if x < 0.0 { 1.0 / sum } else { sum }
-}
-
-/// The t of directions of this sine, -1 to 1, from the plane across x.
-fn t_at_sine(sine: f64) -> f64 {
-    ((1.0 + sine) / (1.0 - sine)).sqrt()
-}
-
-/// Bends on both sides of 0.
-fn mirrored([a, b, c]: [f64; 3]) -> [f64; BENDS] {
-    [a, b, c, -a, -b, -c]
-}
-
-/// The parts of an interval between the bends that lie in it; none of an empty one.
-fn parts<const N: usize>(
-    from: f64,
-    to: f64,
-    bends: &[f64; N],
-) -> impl Iterator<Item = [f64; 2]> + use<N> {
-    let (mut ends, mut count) = ([to; 2 * BENDS + 2], 1);
-    ends[0] = from;
-    for &bend in bends {
-        if bend > from && bend < to {
-            ends[count] = bend;
-            count += 1;
-        }
-    }
-    ends[1..count].sort_unstable_by(f64::total_cmp);
-    let count = if from < to { count } else { 0 };
-    (0..count).map(move |i| [ends[i], ends[i + 1]])
-}
-
-/// Where the integrand bends: at three cosines of the light's direction, on either side.
-const BENDS: usize = 6;
-
-/// Farther out than any s or r: no bend.
-const NOWHERE: f64 = f64::INFINITY;
 
 /// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
 /// the rule's weight in each channel.
@@ -410,12 +182,14 @@ kernel! {
 }
 
 /// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
+#[inline(always)]
 fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
     let x = 2.0 * along - 1.0;
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }
 
-fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
+#[inline(always)]
+pub(super) fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
     let [a, b, c] = parabola_weights(along);
     std::array::from_fn(|i| a * light[0][i] + b * light[1][i] + c * light[2][i])
 }
@@ -434,10 +208,10 @@ const WINDOW_MARGIN: f64 = 0.05;
 
 /// The directions that a lobe reaches, as a box of sines from the plane across x and of angles
 /// beta in it, and its widths there.
-struct Window {
-    low: [f64; 2],
-    high: [f64; 2],
-    width: [f64; 2],
+pub(super) struct Window {
+    pub low: [f64; 2],
+    pub high: [f64; 2],
+    pub width: [f64; 2],
 }
 
 impl Window {

@@ -110,7 +110,52 @@ impl<const TERMS: usize> Basis<TERMS> {
     }
 }
 
+/// The integrals of a tile over all cells of a grid, worked out a column and a row at a time.
+pub struct CellIntegrals<const TERMS: usize> {
+    /// For each column, the integral along it of each line of the series.
+    columns: Vec<[[f64; 3]; TERMS]>,
+    /// For each row, the integrals along it of the polynomials.
+    rows: Vec<[f64; TERMS]>,
+    scale: f64,
+}
+
+impl<const TERMS: usize> CellIntegrals<TERMS> {
+    /// The integral over the cell in a column and row of the grid: [`Tile::integral`], to the bit.
+    pub fn at(&self, column: usize, row: usize) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (partial, y) in self.columns[column].iter().zip(&self.rows[row]) {
+            add_scaled(&mut sum, *partial, *y);
+        }
+        sum.map(|value| self.scale * value)
+    }
+}
+
 impl<const TERMS: usize> Tile<TERMS> {
+    /// The integrals over the cells between neighbours of `columns` and `rows`, edges that lie
+    /// inside the tile, in rising order.
+    pub fn cell_integrals(&self, columns: &[f64], rows: &[f64]) -> CellIntegrals<TERMS> {
+        let [width, height] = self.rectangle.sides();
+        let along = |axis: usize, edges: &[f64]| -> Vec<[f64; TERMS]> {
+            let at_edges: Vec<[f64; TERMS]> = edges
+                .iter()
+                .map(|&edge| antiderivatives(self.local(axis, edge)))
+                .collect();
+            at_edges
+                .windows(2)
+                .map(|pair| std::array::from_fn(|i| pair[1][i] - pair[0][i]))
+                .collect()
+        };
+        let columns = along(0, columns)
+            .iter()
+            .map(|x| self.coefficients.map(|line| contract_line(&line, x)))
+            .collect();
+        CellIntegrals {
+            columns,
+            rows: along(1, rows),
+            scale: 0.25 * width * height,
+        }
+    }
+
     /// The integral over a rectangle inside the tile, in square pixels.
     pub fn integral(&self, cell: &Rectangle) -> [f64; 3] {
         let [width, height] = self.rectangle.sides();
@@ -143,6 +188,19 @@ impl<const TERMS: usize> Tile<TERMS> {
         self.contract(&factors[0], &factors[1])
     }
 
+    /// The same with further terms, all zero.
+    pub fn widened<const MORE: usize>(&self) -> Tile<MORE> {
+        const { assert!(MORE >= TERMS, "terms would be lost") };
+        let mut coefficients = [[[0.0; 3]; MORE]; MORE];
+        for (into, from) in coefficients.iter_mut().zip(&self.coefficients) {
+            into[..TERMS].copy_from_slice(from);
+        }
+        Tile {
+            rectangle: self.rectangle,
+            coefficients,
+        }
+    }
+
     fn local(&self, axis: usize, at: f64) -> f64 {
         let Rectangle { low, high } = &self.rectangle;
         (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
@@ -151,14 +209,18 @@ impl<const TERMS: usize> Tile<TERMS> {
     fn contract(&self, x: &[f64; TERMS], y: &[f64; TERMS]) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for (line, y) in self.coefficients.iter().zip(y) {
-            let mut partial = [0.0; 3];
-            for (coefficient, x) in line.iter().zip(x) {
-                add_scaled(&mut partial, *coefficient, *x);
-            }
-            add_scaled(&mut sum, partial, *y);
+            add_scaled(&mut sum, contract_line(line, x), *y);
         }
         sum
     }
+}
+
+fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (coefficient, x) in line.iter().zip(x) {
+        add_scaled(&mut sum, *coefficient, *x);
+    }
+    sum
 }
 
 /// Adds `value * factor` to `sum`.

@@ -32,14 +32,24 @@ const SHEET_TWICE_MAX: f64 = 3e-5;
 /// A chart that comes closer to the sample counts as being this many metres away.
 const GAP_MIN: f64 = 1e-3;
 
-/// Points of the rule over the sample, along x and y, and of the next finer one.
+/// Points of the rule over the sample, along x and y, and of the next finer one; and where much is
+/// allowed.
 const ONCE_POINTS: [[usize; 2]; 2] = [[10, 10], [14, 14]];
+const ONCE_POINTS_COARSE: [[usize; 2]; 2] = [[6, 6], [10, 10]];
 
 /// The same for a lobe that is a thin sheet, whose light off the sample is a narrow band.
 const SHEET_POINTS: [[usize; 2]; 2] = [[20, 20], [28, 28]];
 
 /// The same for what goes to and fro.
 const TWICE_POINTS: [[usize; 2]; 2] = [[4, 6], [6, 8]];
+
+/// Where so much of white is allowed to the chart, coarse rules do, and what goes to and fro may be
+/// left out.
+const COARSE_FROM: f64 = 2e-4;
+
+/// What goes to and fro is less than this many times what it is at the middle of the chart's lower
+/// edge: once for all the chart, and once for the light that has been off the sample before.
+const TWICE_MARGIN: f64 = 2.0;
 
 /// How fine the light off a sheet is worked out, and what goes to and fro.
 const SHEET_ERROR: f64 = 1e-3;
@@ -51,6 +61,7 @@ const ONCE_SHARE: f64 = 0.25;
 /// Terms of the series for the light off the sample, and for what goes to and fro.
 const ONCE_TERMS: usize = 8;
 const TWICE_TERMS: usize = 5;
+const ONCE_TERMS_COARSE: usize = 5;
 
 /// Tiles of the light off the sample are halved no more than this often, and of that off a sheet,
 /// which takes a hundred times the work.
@@ -100,24 +111,32 @@ impl Exchange {
             return exchange;
         }
         let sheet = lobe.n_u > SHEET_EXPONENT;
+        let [width, height] = panel.panel.size();
+        let direct = stage.bulb_on_chart(panel, [0.5 * width, 0.5 * height]);
+        let accuracy = &stage.chart_accuracy;
+        let allowed = ONCE_SHARE * accuracy.absolute.max(accuracy.relative * direct);
+        let coarse = allowed >= COARSE_FROM;
         if bounces_max > 1 {
-            let [width, height] = panel.panel.size();
-            let direct = stage.bulb_on_chart(panel, [0.5 * width, 0.5 * height]);
-            let accuracy = &stage.chart_accuracy;
-            let allowed = ONCE_SHARE * accuracy.absolute.max(accuracy.relative * direct);
             let (tiles, error, spent) = if sheet {
                 let fineness = Fineness::new(SHEET_ERROR);
                 let rule = (SHEET_POINTS, SHEET_HALVINGS_MAX);
-                receiver.adaptive(allowed, rule, |batch, positions| {
+                receiver.adaptive::<ONCE_TERMS, _>(allowed, rule, |batch, positions| {
                     sum_over(positions, |position, toward| {
                         stage.bulb_off_sample(position, toward, reflectance, fineness, batch)
                     })
                 })
             } else {
                 let bulb = stage.small_bulb();
-                receiver.adaptive(allowed, (ONCE_POINTS, HALVINGS_MAX), |batch, positions| {
+                let off_sample = |batch: &mut _, positions: &[Sent]| {
                     bulb.off_sample(reflectance, stage.instructions, positions, batch)
-                })
+                };
+                if coarse {
+                    let rule = (ONCE_POINTS_COARSE, HALVINGS_MAX);
+                    receiver.adaptive::<ONCE_TERMS_COARSE, _>(allowed, rule, off_sample)
+                } else {
+                    let rule = (ONCE_POINTS, HALVINGS_MAX);
+                    receiver.adaptive::<ONCE_TERMS, _>(allowed, rule, off_sample)
+                }
             };
             exchange.error += error;
             exchange.once = tiles;
@@ -126,31 +145,27 @@ impl Exchange {
         if bounces_max > 2 && sheet {
             exchange.error += SHEET_TWICE_MAX;
         } else if bounces_max > 2 {
-            let fineness = Fineness::new(TWICE_ERROR);
-            let to_and_fro = |chart: &LitChart| {
-                let off_sample = |batch: &mut LightBatch, positions: &[Sent]| {
-                    sum_over(positions, |position, toward| {
-                        let instructions = stage.instructions;
-                        chart.reflected(
-                            position,
-                            toward,
-                            reflectance,
-                            fineness,
-                            instructions,
-                            batch,
-                        )
-                    })
-                };
-                receiver.single(TWICE_POINTS, off_sample)
-            };
             let direct = panel.lit(|at| [stage.bulb_on_chart(panel, at); 3]);
-            let (tile, error, spent) = to_and_fro(&direct);
+            if coarse {
+                let lower_edge = [0.5 * width, 0.0];
+                let points = receiver.points(lower_edge, TWICE_POINTS[0]);
+                let batch = &mut LightBatch::default();
+                let ([r, g, b], spent) =
+                    receiver.to_and_fro_at(&direct, reflectance, &points, batch);
+                let most = TWICE_MARGIN * r.max(g).max(b);
+                exchange.evaluations += spent;
+                if most <= allowed {
+                    exchange.error += most;
+                    return exchange;
+                }
+            }
+            let (tile, error, spent) = receiver.to_and_fro(&direct, reflectance);
             exchange.error += error;
             exchange.twice = Some(tile);
             exchange.evaluations += spent;
             if bounces_max > 3 {
                 let indirect = panel.lit(|at| exchange.once_at(place(at, exchange.gap)));
-                let (tile, error, spent) = to_and_fro(&indirect);
+                let (tile, error, spent) = receiver.to_and_fro(&indirect, reflectance);
                 exchange.error += error;
                 exchange.thrice = Some(tile);
                 exchange.evaluations += spent;
@@ -290,13 +305,13 @@ impl Receiver<'_> {
     }
 
     /// The irradiance over pi in tiles as small as `allowed` asks for, the error and evaluations.
-    fn adaptive<B: Default>(
+    fn adaptive<const TERMS: usize, B: Default>(
         &self,
         allowed: f64,
         (points, halvings_max): ([[usize; 2]; 2], u32),
         off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
     ) -> (Vec<Tile<ONCE_TERMS>>, f64, u64) {
-        let basis = Basis::new();
+        let basis = Basis::<TERMS>::new();
         let (mut tiles, mut error, mut evaluations) = (Vec::new(), 0.0f64, 0);
         let mut open = vec![(self.bounds(), 0)];
         while !open.is_empty() {
@@ -312,7 +327,7 @@ impl Receiver<'_> {
                 evaluations += spent;
                 if fit.error <= allowed || depth >= halvings_max {
                     error = error.max(fit.error + missed);
-                    tiles.push(tile);
+                    tiles.push(tile.widened());
                     continue;
                 }
                 let steep = usize::from(fit.tails[1] > fit.tails[0]);
@@ -326,15 +341,33 @@ impl Receiver<'_> {
         (tiles, error, evaluations)
     }
 
-    /// The same in one tile.
-    fn single<B: Default>(
+    /// The irradiance over pi that light off `chart` by way of the sample comes to, in one tile.
+    fn to_and_fro(
         &self,
-        points: [[usize; 2]; 2],
-        off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
+        chart: &LitChart,
+        reflectance: &Reflectance,
     ) -> (Tile<TWICE_TERMS>, f64, u64) {
+        let off_sample = |batch: &mut LightBatch, points: &[Sent]| {
+            self.to_and_fro_at(chart, reflectance, points, batch)
+        };
         let (tile, fit, missed, spent) =
-            self.fit(&Basis::new(), &self.bounds(), points, &off_sample);
+            self.fit(&Basis::new(), &self.bounds(), TWICE_POINTS, &off_sample);
         (tile, fit.error + missed, spent)
+    }
+
+    /// The same at one place of the chart, that of `points`, and evaluations.
+    fn to_and_fro_at(
+        &self,
+        chart: &LitChart,
+        reflectance: &Reflectance,
+        points: &[Sent],
+        batch: &mut LightBatch,
+    ) -> ([f64; 3], u64) {
+        let fineness = Fineness::new(TWICE_ERROR);
+        let instructions = self.stage.instructions;
+        sum_over(points, |position, toward| {
+            chart.reflected(position, toward, reflectance, fineness, instructions, batch)
+        })
     }
 
     /// A tile, its fit, what the rule over the sample missed at the tile's middle, and evaluations.

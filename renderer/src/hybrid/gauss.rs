@@ -1,5 +1,6 @@
 //! Gauss-Legendre rules of any size, and the Gauss-Kronrod pair of 7 and 15 points.
 
+use super::batch::FOUR;
 use std::sync::LazyLock;
 
 /// The largest rule.
@@ -10,6 +11,8 @@ pub const POINTS_MAX: usize = 64;
 pub struct GaussRule {
     nodes: Vec<f64>,
     weights: Vec<f64>,
+    /// The same by fours, filled up with nodes of 0 and weights of 0.
+    fours: Vec<[[f64; FOUR]; 2]>,
 }
 
 static RULES: LazyLock<Vec<GaussRule>> =
@@ -28,6 +31,28 @@ impl GaussRule {
             .iter()
             .zip(&self.weights)
             .map(move |(node, weight)| (middle + half * node, half * weight))
+    }
+
+    /// The same by fours, with how many of the four there are. The others lie in the middle and weigh
+    /// nothing.
+    #[inline(always)]
+    pub fn fours_on(
+        &self,
+        low: f64,
+        high: f64,
+    ) -> impl Iterator<Item = ([f64; FOUR], [f64; FOUR], usize)> {
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let count = self.nodes.len();
+        self.fours
+            .iter()
+            .enumerate()
+            .map(move |(block, [nodes, weights])| {
+                (
+                    nodes.map(|node| middle + half * node),
+                    weights.map(|weight| half * weight),
+                    (count - FOUR * block).min(FOUR),
+                )
+            })
     }
 
     /// Newton's iteration on the Legendre polynomial, from the usual asymptotic nodes.
@@ -63,7 +88,17 @@ impl GaussRule {
         if count % 2 == 1 {
             nodes[count / 2] = 0.0;
         }
-        Self { nodes, weights }
+        let four = |values: &[f64], block: usize| {
+            std::array::from_fn(|i| values.get(FOUR * block + i).copied().unwrap_or(0.0))
+        };
+        let fours = (0..count.div_ceil(FOUR))
+            .map(|block| [four(&nodes, block), four(&weights, block)])
+            .collect();
+        Self {
+            nodes,
+            weights,
+            fours,
+        }
     }
 }
 
@@ -132,6 +167,18 @@ mod tests {
                     "{count}: x^{exponent}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn fours_are_the_same_rule() {
+        for count in 1..=POINTS_MAX {
+            let rule = GaussRule::of(count);
+            let fours = rule.fours_on(0.5, 3.0).flat_map(|(nodes, weights, count)| {
+                assert!(weights[count..].iter().all(|&weight| weight == 0.0));
+                nodes.into_iter().zip(weights).take(count)
+            });
+            assert!(fours.eq(rule.on(0.5, 3.0)), "{count}");
         }
     }
 

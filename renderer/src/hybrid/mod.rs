@@ -15,6 +15,7 @@ pub(crate) mod chart;
 mod chebyshev;
 mod elementary;
 mod exchange;
+mod gather;
 mod gauss;
 mod light;
 mod mirror;

@@ -56,6 +56,13 @@ impl Rectangle {
         rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
     }
 
+    /// The edges between pixels along an axis, and the rectangle's own at the ends.
+    pub fn pixel_edges(&self, axis: usize) -> Vec<f64> {
+        let (low, high) = (self.low[axis], self.high[axis]);
+        let inner = (low.floor() as u32 + 1..high.ceil() as u32).map(f64::from);
+        std::iter::once(low).chain(inner).chain([high]).collect()
+    }
+
     /// Two halves along an axis, parted between pixels where it spans several.
     pub fn halves(&self, axis: usize) -> [Self; 2] {
         let middle = 0.5 * (self.low[axis] + self.high[axis]);

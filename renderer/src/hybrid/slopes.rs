@@ -56,6 +56,7 @@ impl Fineness {
 
     /// Gauss points for an interval of so many lobe widths: enough for a normal density wherever
     /// the interval lies on it (found by trying), and `more` for what multiplies it.
+    #[inline(always)]
     pub fn points(self, widths: f64, more: f64) -> usize {
         let d = self.digits;
         (0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more).ceil() as usize
@@ -68,6 +69,7 @@ impl Fineness {
 
     /// The `more` for a function that is analytic less than pi/2 beside an interval of this
     /// length: Gauss's rule of n points misses rho^(-2n) with ln rho = asinh(pi / length).
+    #[inline(always)]
     pub fn more_beside(self, length: f64) -> f64 {
         0.334 * self.digits * length
     }

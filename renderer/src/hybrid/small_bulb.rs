@@ -125,7 +125,7 @@ kernel! {
         let (n_u, n_v) = (lobe.n_u, lobe.n_v);
         // The lobe's axes in the world's frame.
         let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
-        for ([x, y, z, wx, wy, wz, knee], terms) in batch.blocks().iter().zip(terms) {
+        for ([x, y, z, wx, wy, wz, knee], terms) in batch.blocks().zip(terms) {
             for i in 0..LANES {
                 let (hx, hy, hz) = (x[i] + wx[i], y[i] + wy[i], z[i] + wz[i]);
                 let hu = u.x * hx + u.y * hy;

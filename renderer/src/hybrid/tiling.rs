@@ -325,6 +325,9 @@ fn axis_to_halve(sides: [f64; 2], steep: usize) -> Option<usize> {
 }
 
 fn add_tile(canvas: &mut Canvas<'_>, tile: &Tile<TERMS>, error: f64, regions: &[Region]) {
+    let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
+    let integrals = tile.cell_integrals(&columns, &rows);
+    let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
     for region in regions {
         let Some(shared) = region.outline.bounds().intersection(&tile.rectangle) else {
             continue;
@@ -334,7 +337,8 @@ fn add_tile(canvas: &mut Canvas<'_>, tile: &Tile<TERMS>, error: f64, regions: &[
                 continue;
             };
             let (value, area) = if region.outline.contains(&cell) {
-                (tile.integral(&cell), cell.area())
+                let at = [column - first_column, row - first_row].map(|index| index as usize);
+                (integrals.at(at[0], at[1]), cell.area())
             } else {
                 tile.integral_over(&region.outline.clipped(&cell))
             };
