@@ -42,9 +42,14 @@ const BAND_ROWS: usize = 4;
 /// kept would bias them.
 const PILOT: usize = 4;
 
-/// The fewest and the most normals that a replicate takes.
+/// The relative target to which the limits below are made: the chart's share of the preset's.
+const TARGET: f64 = 4e-4;
+
+/// The fewest normals that a replicate takes; the most to [`TARGET`] and coarser ones; and to finer
+/// ones, where it rises with the target's inverse.
 const NORMALS_MIN: usize = 4;
 const NORMALS_MAX: usize = 256;
+const NORMALS_MAX_FINEST: usize = 4096;
 
 /// Doubling the normals cuts the error by at least this power of two.
 const CONVERGENCE: f64 = 1.0;
@@ -59,9 +64,8 @@ const CONTRAST: f64 = 0.3;
 /// How far beyond, as a share of what the normals span.
 const BEYOND: f64 = 0.2;
 
-/// To this relative target a cell may span so much of the distance from the camera to the sample:
-/// edges bend on it by less than a thousandth of its side.
-const CELL_TARGET: f64 = 4e-4;
+/// To [`TARGET`] a cell may span so much of the distance from the camera to the sample: edges bend on
+/// it by less than a thousandth of its side.
 const CELL_SPAN: f64 = 0.008;
 
 /// The most cells along a pixel's side.
@@ -100,7 +104,8 @@ impl MirroredChart<'_> {
         let rows: Vec<u32> = (first..bounds.high[1] as u32).collect();
         let columns = bounds.low[0] as u32..bounds.high[0] as u32;
         let pilot = self.normals(PILOT_PURPOSE, PILOT);
-        let most = self.normals(0, NORMALS_MAX);
+        let normals_max = self.normals_max();
+        let most = self.normals(0, normals_max);
         let bands: Vec<(Vec<FilmPixel>, u64)> = rows
             .par_chunks(BAND_ROWS)
             .map(|rows| {
@@ -119,8 +124,8 @@ impl MirroredChart<'_> {
                 excess.sort_unstable_by(f64::total_cmp);
                 let worst = excess[((excess.len() - 1) as f64 * (1.0 - LEFT_OUT)) as usize];
                 let wanted = PILOT as f64 * libm::pow(worst, 1.0 / CONVERGENCE);
-                let count = (wanted.min(NORMALS_MAX as f64) as usize)
-                    .clamp(NORMALS_MIN, NORMALS_MAX)
+                let count = (wanted.min(normals_max as f64) as usize)
+                    .clamp(NORMALS_MIN, normals_max)
                     .next_power_of_two();
                 let pixels = rows
                     .iter()
@@ -198,13 +203,23 @@ impl MirroredChart<'_> {
             .collect()
     }
 
+    /// The most normals that a replicate takes.
+    fn normals_max(&self) -> usize {
+        let finer = TARGET / self.target().min(TARGET);
+        let most = (NORMALS_MAX as f64 * finer).min(NORMALS_MAX_FINEST as f64);
+        (most as usize).next_power_of_two()
+    }
+
+    fn target(&self) -> f64 {
+        self.accuracy.relative.max(self.accuracy.absolute)
+    }
+
     /// Cells along a pixel's side.
     fn cells(&self) -> u32 {
-        let target = self.accuracy.relative.max(self.accuracy.absolute);
         let camera = self.camera.position;
         // A row spans more of a sample that is seen at a slant.
         let span = self.camera.pixel_size() * camera.length() / camera.z;
-        let cells = span / CELL_SPAN * (CELL_TARGET / target).sqrt();
+        let cells = span / CELL_SPAN * (TARGET / self.target()).sqrt();
         cells.clamp(1.0, CELLS_MAX).ceil() as u32
     }
 }

@@ -69,6 +69,12 @@ const CHART_RULE_SHARE: f64 = 0.01;
 /// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
 const CHART_TILE: f64 = 2.0;
 
+/// The same two where the target is at least `COARSE`: a third of the work, and the stated errors
+/// still hold.
+const COARSE: f64 = 1e-2;
+const CHART_RULE_SHARE_COARSE: f64 = 0.1;
+const CHART_TILE_COARSE: f64 = 3.0;
+
 /// A view that the hybrid integrator can render.
 #[derive(Debug)]
 pub struct Stage {
@@ -86,6 +92,8 @@ pub struct Stage {
     bulb_fineness: Fineness,
     chart_accuracy: Accuracy,
     chart_fineness: Fineness,
+    /// How long the tiles of the chart in the sample are: see [`CHART_TILE`].
+    chart_tile: f64,
     instructions: Instructions,
 }
 
@@ -122,6 +130,11 @@ impl Stage {
         };
         let accuracy = &specification.accuracy;
         let target = accuracy.relative.max(accuracy.absolute);
+        let (chart_rule_share, chart_tile) = if target < COARSE {
+            (CHART_RULE_SHARE, CHART_TILE)
+        } else {
+            (CHART_RULE_SHARE_COARSE, CHART_TILE_COARSE)
+        };
         Some(Self {
             camera: scene.camera,
             bulb_centre: scene.bulb.centre,
@@ -141,7 +154,8 @@ impl Stage {
                 absolute: CHART_SHARE * accuracy.absolute,
                 relative: CHART_SHARE * accuracy.relative,
             },
-            chart_fineness: Fineness::new(CHART_RULE_SHARE * target),
+            chart_fineness: Fineness::new(chart_rule_share * target),
+            chart_tile,
             instructions: Instructions::widest(),
         })
     }
@@ -286,7 +300,7 @@ impl Stage {
             accuracy: &self.chart_accuracy,
             faint: self.chart_accuracy.absolute,
             // What is as fine as the blur of a patch's edge shows at a tile's nodes.
-            side_max: CHART_TILE * self.feature_pixels(0.0, distance, reflectance),
+            side_max: self.chart_tile * self.feature_pixels(0.0, distance, reflectance),
             evaluations_max: EVALUATIONS_MAX,
             fineness: self.chart_fineness,
             function_error: VIEW_FACTOR_MAX * exchange.error(),
