@@ -1,7 +1,11 @@
 #!/usr/bin/env bash
 # 1,000 simulated workers (real gRPC, no rendering) against one coordinator; ends with leases and
-# completions a second, latencies and memory.
+# completions a second, latencies as the workers and as the coordinator see them, processor time and
+# memory of both. Twice: jobs of one small image, which the marks are about (2,000 jobs a second,
+# 99 of 100 leases within 100 ms), and jobs of the preset's 14 images. Every image is uploaded,
+# checked and durable before its job counts. Wants a machine that does nothing else.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-cargo test --release -p worker --test throughput a_thousand -- --ignored --nocapture
+cargo test --release --test throughput a_thousand -- \
+  --ignored --nocapture --test-threads 1

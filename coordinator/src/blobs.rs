@@ -94,10 +94,15 @@ impl Blobs {
         self.sync()?;
         for file in staged {
             let path = self.path(&file.digest);
-            if let Some(folder) = path.parent() {
+            let mut renamed = fs::rename(&file.path, &path);
+            // There are 256 folders, so nearly always it is there.
+            if let (Err(error), Some(folder)) = (&renamed, path.parent())
+                && error.kind() == io::ErrorKind::NotFound
+            {
                 fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
+                renamed = fs::rename(&file.path, &path);
             }
-            fs::rename(&file.path, &path).map_err(FileError::new("rename to", &path))?;
+            renamed.map_err(FileError::new("rename to", &path))?;
         }
         self.sync()
     }
@@ -136,7 +141,9 @@ impl Blobs {
     /// and costs no memory. Checks nothing; `verify` does.
     pub fn read(&self, digest: &Digest, bytes: u64) -> Result<Vec<u8>, FileError> {
         let path = self.path(digest);
-        let mut content = Vec::new();
+        // Room for all of it, so that it is read at once; sizes that no image has are not believed.
+        let room = bytes.min(proto::limits::BLOB_BYTES_MAX) + 1;
+        let mut content = Vec::with_capacity(room as usize);
         File::open(&path)
             .and_then(|file| file.take(bytes + 1).read_to_end(&mut content))
             .map_err(FileError::new("read", &path))?;

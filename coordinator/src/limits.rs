@@ -73,7 +73,8 @@ pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 /// How long an accepted image waits for its completion before it is dropped.
 pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
 
-/// Images that are checked and written at one time; with the largest image this bounds memory.
+/// Images that are checked and written at one time, however many cores there are; with the largest
+/// image this bounds memory.
 pub const UPLOADS_AT_ONCE_MAX: usize = 16;
 
 /// The largest specification file, bytes.

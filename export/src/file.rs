@@ -7,6 +7,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
+/// Bytes that reach a file at one time: shards are large, and what is put into them comes in small
+/// pieces.
+const WRITE_BYTES: usize = 256 << 10;
+
 /// The name that a file has until it is whole.
 pub(crate) fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -32,7 +36,7 @@ pub(crate) fn write_whole<T, E: From<FileError>>(
 ) -> Result<T, E> {
     let fill = |place: &Path| -> Result<(File, T), E> {
         let file = File::create(place).map_err(unable("write", path))?;
-        let mut writer = BufWriter::new(file);
+        let mut writer = BufWriter::with_capacity(WRITE_BYTES, file);
         let written = write(&mut writer)?;
         let file = writer
             .into_inner()

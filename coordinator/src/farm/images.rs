@@ -1,7 +1,13 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::{acceptance, ledger::BlobPlace, limits, staging::StagedImage};
+use crate::{
+    acceptance,
+    blobs::Blobs,
+    ledger::{BlobPlace, Ledger},
+    limits,
+    staging::StagedImage,
+};
 use dataset::Digest;
 use std::sync::Arc;
 use tokio::task;
@@ -45,16 +51,20 @@ impl Farm {
         }
         let permit = Arc::clone(&self.uploads).acquire_owned().await;
         let permit = permit.map_err(|_| FarmError::Interrupted)?;
-        if self.find_missing(vec![digest]).await?.is_empty() {
+        if self.shared.lock().staging.contains(&digest) {
             return Ok(());
         }
         let shared = Arc::clone(&self.shared);
+        let ledger = Arc::clone(&self.ledger);
         let blobs = self.blobs.clone();
         let film = self.specification.image.clone();
         // The task runs to its end even when the caller goes away, so what it reserves it also
-        // gives back.
+        // gives back. All that blocks is one task: waking a thread costs as much as a small image.
         task::spawn_blocking(move || {
             let _permit = permit;
+            if stored_place(&*ledger, &blobs, &digest)?.is_some() {
+                return Ok(());
+            }
             if !shared.lock().staging.reserve(size) {
                 return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
             }
@@ -100,16 +110,22 @@ impl Farm {
         task::spawn_blocking(move || {
             digests
                 .into_iter()
-                .map(|digest| {
-                    let place = match ledger.blob(&digest)? {
-                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
-                        _ => None,
-                    };
-                    Ok((digest, place))
-                })
+                .map(|digest| Ok((digest, stored_place(&*ledger, &blobs, &digest)?)))
                 .collect()
         })
         .await
         .map_err(|_| FarmError::Interrupted)?
     }
+}
+
+/// Which image of the store has this digest, if one does. Blocks.
+fn stored_place(
+    ledger: &dyn Ledger,
+    blobs: &Blobs,
+    digest: &Digest,
+) -> Result<Option<BlobPlace>, FarmError> {
+    Ok(match ledger.blob(digest)? {
+        Some(place) if blobs.size(digest)? == Some(place.bytes) => Some(place),
+        _ => None,
+    })
 }

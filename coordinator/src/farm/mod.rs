@@ -34,7 +34,9 @@ use dataset::{Digest, Specification};
 use events::Events;
 use std::{
     fs::File,
+    num::NonZero,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
+    thread,
     time::Duration,
 };
 use tokio::{
@@ -190,7 +192,7 @@ impl Farm {
             committer,
             ledger,
             blobs,
-            uploads: Arc::new(Semaphore::new(limits::UPLOADS_AT_ONCE_MAX)),
+            uploads: Arc::new(Semaphore::new(uploads_at_once())),
             checks_per_million: options.checks_per_million,
             metrics,
             stopping,
@@ -237,6 +239,13 @@ impl Farm {
     fn tell(&self, event: Event) {
         self.shared.events.tell(event);
     }
+}
+
+/// Checking an image keeps a core busy: more at one time than there are cores only hold up leases
+/// and completions. Two at least, as one may be waiting for the disk.
+fn uploads_at_once() -> usize {
+    let cores = thread::available_parallelism().map_or(1, NonZero::get);
+    cores.clamp(2, limits::UPLOADS_AT_ONCE_MAX)
 }
 
 fn random<const BYTES: usize>() -> Result<[u8; BYTES], FarmError> {

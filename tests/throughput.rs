@@ -1,0 +1,414 @@
+//! Workers that render nothing against one coordinator: the program itself in a process of its own,
+//! real gRPC over real sockets, one connection a worker, real images that are uploaded, checked and
+//! made durable.
+//!
+//! A worker does nothing but lease, upload and complete, one job after another and without a pause:
+//! the coordinator never waits for work, so what is measured is its capacity, and latencies are
+//! those under the heaviest load that so many workers can make.
+//!
+//! `tests/throughput.sh` runs the measurements in release, where they have their marks to meet.
+
+#![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#![allow(clippy::print_stdout, reason = "the figures are what this run is for")]
+
+#[path = "../coordinator/tests/store/cheap_image.rs"]
+#[allow(dead_code, reason = "others use the rest")]
+mod cheap_image;
+
+use cheap_image::cheap_image;
+use coordinator::ReadOnlyStore;
+use dataset::{Digest, Specification};
+use proto::{
+    FarmClient,
+    client::{Credentials, with_deadline, with_deadline_after},
+};
+use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, setrlimit};
+use std::{
+    fs,
+    io::{BufRead, BufReader, Read, Write},
+    net::{TcpListener, TcpStream},
+    path::Path,
+    process::{Child, Command, Stdio},
+    sync::Arc,
+    time::{Duration, Instant},
+};
+use tokio::task::JoinSet;
+
+/// Jobs a second that a coordinator is to complete, made durable before they are acknowledged.
+const JOBS_PER_SECOND_MIN: f64 = 2000.0;
+
+/// What 99 of 100 calls for a lease are to stay under, as their caller sees it.
+const LEASE_P99_MAX_MS: f64 = 100.0;
+
+/// How long a worker asks to wait for a job.
+const WAIT: Duration = Duration::from_secs(1);
+
+/// The unit of time in `/proc`, the same on every Linux.
+const TICKS_PER_SECOND: f64 = 100.0;
+
+/// A measurement.
+struct Load {
+    workers: usize,
+    jobs: u32,
+    views: usize,
+    side: u32,
+}
+
+/// What came of it.
+struct Figures {
+    jobs_per_second: f64,
+    lease_p99_ms: f64,
+}
+
+/// By material and view.
+type Uploads = Arc<Vec<Vec<proto::PutBlobRequest>>>;
+
+/// What a worker saw.
+#[derive(Default)]
+struct Seen {
+    leases: Vec<Duration>,
+    uploads: Vec<Duration>,
+    completions: Vec<Duration>,
+}
+
+/// Processor time and memory of a process, as the system counts them.
+struct Usage {
+    seconds: f64,
+    memory_bytes: u64,
+}
+
+#[test]
+fn a_few_simulated_workers_share_the_work_fairly() {
+    simulate(&Load {
+        workers: 20,
+        jobs: 400,
+        views: 2,
+        side: 16,
+    });
+}
+
+#[test]
+#[ignore = "a measurement: tests/throughput.sh runs it"]
+fn a_thousand_workers_and_jobs_of_one_small_image() {
+    let figures = simulate(&Load {
+        workers: 1000,
+        jobs: 40_000,
+        views: 1,
+        side: 16,
+    });
+    println!(
+        "mark: {:.0} jobs/s of {JOBS_PER_SECOND_MIN}, p99 of a lease {:.1} ms of \
+         {LEASE_P99_MAX_MS}",
+        figures.jobs_per_second, figures.lease_p99_ms
+    );
+    assert!(figures.jobs_per_second >= JOBS_PER_SECOND_MIN);
+    assert!(figures.lease_p99_ms <= LEASE_P99_MAX_MS);
+}
+
+#[test]
+#[ignore = "a measurement: tests/throughput.sh runs it"]
+fn a_thousand_workers_and_jobs_as_the_preset_has_them() {
+    simulate(&Load {
+        workers: 1000,
+        jobs: 3000,
+        views: 14,
+        side: 128,
+    });
+}
+
+fn simulate(load: &Load) -> Figures {
+    raise_open_files();
+    let folder = tempfile::tempdir().unwrap();
+    let mut specification = Specification::preset();
+    specification.materials = load.jobs;
+    (specification.image.width, specification.image.height) = (load.side, load.side);
+    specification.views.truncate(load.views);
+    fs::write(folder.path().join("spec.toml"), specification.to_toml()).unwrap();
+    // Images are made before the clock starts.
+    let uploads = uploads(&specification);
+    let coordinator = Coordinator::start(folder.path());
+
+    // One thread: the system's two cores are for the coordinator too.
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .unwrap();
+    let own_before = usage("self").seconds;
+    let (elapsed, seen) =
+        runtime.block_on(work_all(load, &coordinator.url, &specification, uploads));
+    let own = usage("self").seconds - own_before;
+    let its = usage(&coordinator.child.id().to_string());
+    let metrics = coordinator.metrics();
+    coordinator.stop();
+
+    let store = ReadOnlyStore::open(&folder.path().join("store")).unwrap();
+    assert_eq!(
+        store.materials_missing(),
+        0,
+        "all that was acknowledged is there"
+    );
+    let shares: Vec<usize> = seen.iter().map(|seen| seen.completions.len()).collect();
+    let (fewest, most) = (shares.iter().min().unwrap(), shares.iter().max().unwrap());
+    // Jobs that are rendered twice for a check are on top.
+    let done: usize = shares.iter().sum();
+    assert!(done >= load.jobs as usize);
+    assert!(*fewest > 0, "a worker starved");
+    let jobs_per_second = done as f64 / elapsed;
+    let Load {
+        workers,
+        views,
+        side,
+        ..
+    } = load;
+    println!(
+        "{workers} workers, {done} jobs of {views} images of {side} x {side} in {elapsed:.1} s: \
+         {jobs_per_second:.0} leases and completions/s, {:.0} images/s",
+        jobs_per_second * *views as f64
+    );
+    let mut lease_p99_ms = 0.0;
+    for (call, rpc, times) in [
+        (
+            "lease",
+            "Lease",
+            sorted(seen.iter().flat_map(|seen| &seen.leases)),
+        ),
+        (
+            "upload",
+            "PutBlob",
+            sorted(seen.iter().flat_map(|seen| &seen.uploads)),
+        ),
+        (
+            "completion",
+            "Complete",
+            sorted(seen.iter().flat_map(|seen| &seen.completions)),
+        ),
+    ] {
+        println!(
+            "  {call:<10} p50 {:6.1} ms, p99 {:6.1} ms, longest {:6.1} ms; inside the coordinator \
+             p50 under {:.0} ms, p99 under {:.0} ms",
+            at(&times, 50),
+            at(&times, 99),
+            at(&times, 100),
+            bucket_ms(&metrics, rpc, 0.50),
+            bucket_ms(&metrics, rpc, 0.99),
+        );
+        if call == "lease" {
+            lease_p99_ms = at(&times, 99);
+        }
+    }
+    println!(
+        "  {fewest} to {most} jobs a worker; coordinator {:.1} core seconds and {} MB at its peak, \
+         all workers {own:.1} core seconds",
+        its.seconds,
+        its.memory_bytes >> 20
+    );
+    Figures {
+        jobs_per_second,
+        lease_p99_ms,
+    }
+}
+
+/// Of every material the uploads of its images, ready to be sent.
+fn uploads(specification: &Specification) -> Uploads {
+    let views = specification.views.len() as u32;
+    let made = |material, view| {
+        let bytes = cheap_image(specification, material, view);
+        proto::PutBlobRequest {
+            digest: Digest::of(&bytes).as_bytes().to_vec(),
+            size: bytes.len() as u64,
+            data: bytes.into(),
+        }
+    };
+    let materials = 0..specification.materials;
+    let materials = materials.map(|material| (0..views).map(|view| made(material, view)).collect());
+    Arc::new(materials.collect())
+}
+
+/// Runs all workers until nothing is left; returns how long that took, and what each saw.
+async fn work_all(
+    load: &Load,
+    url: &str,
+    specification: &Specification,
+    uploads: Uploads,
+) -> (f64, Vec<Seen>) {
+    let mut registered = Vec::new();
+    for number in 0..load.workers {
+        let mut client = proto::client::farm(url, &Credentials::default()).unwrap();
+        let message = proto::RegisterRequest {
+            name: format!("simulated-{number}"),
+            renderer_version: dataset::RENDERER_VERSION.to_owned(),
+            specification_hash: specification.hash().as_bytes().to_vec(),
+            worker_id: Vec::new(),
+        };
+        let answer = client.register(with_deadline(message)).await.unwrap();
+        registered.push((client, answer.into_inner().worker_id));
+    }
+    let began = Instant::now();
+    let mut working = JoinSet::new();
+    for (client, worker_id) in registered {
+        working.spawn(work(client, worker_id, Arc::clone(&uploads)));
+    }
+    let seen = working.join_all().await;
+    (began.elapsed().as_secs_f64(), seen)
+}
+
+async fn work(mut client: FarmClient, worker_id: Vec<u8>, uploads: Uploads) -> Seen {
+    let mut seen = Seen::default();
+    loop {
+        let message = proto::LeaseRequest {
+            worker_id: worker_id.clone(),
+            jobs_max: 1,
+            wait_ms: WAIT.as_millis() as u64,
+        };
+        let asked = Instant::now();
+        let leased = client.lease(with_deadline_after(message, WAIT)).await;
+        let leased = leased.unwrap().into_inner();
+        if leased.finished {
+            return seen;
+        }
+        for job in leased.jobs {
+            seen.leases.push(asked.elapsed());
+            let mut views = Vec::new();
+            for upload in &uploads[job.material as usize] {
+                let asked = Instant::now();
+                let put = client.put_blob(with_deadline(upload.clone())).await;
+                put.unwrap();
+                seen.uploads.push(asked.elapsed());
+                views.push(proto::View {
+                    digest: upload.digest.clone(),
+                    size: upload.size,
+                    statistics: Some(proto::ErrorStatistics::default()),
+                });
+            }
+            let message = proto::CompleteRequest {
+                token: job.token,
+                material: job.material,
+                views,
+                seconds: 0.1,
+            };
+            let asked = Instant::now();
+            let done = client.complete(with_deadline(message)).await.unwrap();
+            assert!(done.into_inner().missing.is_empty());
+            seen.completions.push(asked.elapsed());
+        }
+    }
+}
+
+/// A coordinator, the program itself.
+struct Coordinator {
+    child: Child,
+    url: String,
+    metrics_address: String,
+}
+
+impl Coordinator {
+    fn start(folder: &Path) -> Self {
+        // A port that was free a moment ago.
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let metrics_address = free.local_addr().unwrap().to_string();
+        drop(free);
+        let mut child = Command::new(env!("CARGO_BIN_EXE_brdfarm"))
+            .current_dir(folder)
+            .args(["coordinator", "serve", "--spec", "spec.toml"])
+            .args(["--listen", "127.0.0.1:0", "--metrics", &metrics_address])
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        let stdout = child.stdout.take().unwrap();
+        BufReader::new(stdout).read_line(&mut line).unwrap();
+        let url = line.trim().rsplit(' ').next().unwrap().to_owned();
+        Self {
+            child,
+            url,
+            metrics_address,
+        }
+    }
+
+    fn metrics(&self) -> String {
+        let mut stream = TcpStream::connect(&self.metrics_address).unwrap();
+        let request = "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+        stream.write_all(request.as_bytes()).unwrap();
+        let mut text = String::new();
+        stream.read_to_string(&mut text).unwrap();
+        text
+    }
+
+    fn stop(mut self) {
+        let id = Pid::from_child(&self.child);
+        kill_process(id, Signal::TERM).unwrap();
+        assert!(self.child.wait().unwrap().success());
+    }
+}
+
+impl Drop for Coordinator {
+    fn drop(&mut self) {
+        // An error means that it has ended already.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The upper end of the histogram's bucket that holds a quantile of a call's times.
+fn bucket_ms(metrics: &str, call: &str, quantile: f64) -> f64 {
+    let wanted = format!("call=\"{call}\"");
+    let buckets: Vec<(f64, f64)> = metrics
+        .lines()
+        .filter(|line| line.starts_with("brdfarm_call_seconds_bucket") && line.contains(&wanted))
+        .map(|line| {
+            let edge = line.split("le=\"").nth(1).unwrap().split('"').next();
+            let count = line.rsplit(' ').next().unwrap();
+            let edge = edge.unwrap().parse().unwrap_or(f64::INFINITY);
+            (edge, count.parse().unwrap())
+        })
+        .collect();
+    let all = buckets.iter().map(|bucket| bucket.1).fold(0.0, f64::max);
+    let holds = buckets.iter().find(|bucket| bucket.1 >= quantile * all);
+    holds.unwrap().0 * 1e3
+}
+
+fn sorted<'a>(times: impl Iterator<Item = &'a Duration>) -> Vec<f64> {
+    let mut times: Vec<f64> = times.map(|time| time.as_secs_f64() * 1e3).collect();
+    times.sort_by(f64::total_cmp);
+    times
+}
+
+fn at(sorted: &[f64], percent: usize) -> f64 {
+    sorted[(sorted.len() - 1) * percent / 100]
+}
+
+fn usage(process: &str) -> Usage {
+    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
+    // The name, in parentheses, can hold anything; user and system time are the 12th and the 13th
+    // after it.
+    let fields: Vec<&str> = stat
+        .rsplit(')')
+        .next()
+        .unwrap()
+        .split_whitespace()
+        .collect();
+    let ticks: u64 = fields[11..13]
+        .iter()
+        .map(|field| field.parse::<u64>().unwrap())
+        .sum();
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
+    let peak = status
+        .lines()
+        .find(|line| line.starts_with("VmHWM:"))
+        .unwrap();
+    let kilobytes: u64 = peak.split_whitespace().nth(1).unwrap().parse().unwrap();
+    Usage {
+        seconds: ticks as f64 / TICKS_PER_SECOND,
+        memory_bytes: kilobytes << 10,
+    }
+}
+
+/// A connection a worker, and the system's first limit is low.
+fn raise_open_files() {
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    setrlimit(Resource::Nofile, raised).unwrap();
+}
