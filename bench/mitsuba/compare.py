@@ -48,9 +48,9 @@ HARD_MATERIALS = {
 }
 
 # brdfarm's ladder of relative accuracies, coarse to fine; its default is 1e-3.
-ACCURACIES = (1e-1, 5e-2, 2e-2, 1e-2, 5e-3, 2e-3, 1e-3, 3e-4, 1e-4, 3e-5)
+ACCURACIES = (1e-1, 5e-2, 2e-2, 1e-2, 5e-3, 2e-3, 1e-3, 7e-4, 5e-4, 3e-4, 1e-4)
 # The reference is the one of these whose stated error is least.
-REFERENCE_ACCURACIES = (1e-4, 1e-5)
+REFERENCE_ACCURACIES = (1e-4, 3e-5)
 # Renderings of one setting of brdfarm, of which the median counts: more where they are short.
 REPETITIONS_SHORT, REPETITIONS_LONG, SHORT_SECONDS = 9, 3, 0.1
 

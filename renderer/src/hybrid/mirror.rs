@@ -49,7 +49,7 @@ const TARGET: f64 = 4e-4;
 /// ones, where it rises with the target's inverse.
 const NORMALS_MIN: usize = 4;
 const NORMALS_MAX: usize = 256;
-const NORMALS_MAX_FINEST: usize = 4096;
+const NORMALS_MAX_FINEST: usize = 1024;
 
 /// Doubling the normals cuts the error by at least this power of two.
 const CONVERGENCE: f64 = 1.0;
