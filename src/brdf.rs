@@ -2,9 +2,8 @@
 
 use anyhow::Context;
 use clap::Args;
-use dataset::{Material, specification::Tint};
-use renderer::{reflectance::Reflectance, vector::Vec3};
-use serde::{Deserialize, Serialize};
+use renderer::query;
+use serde::Serialize;
 use std::io::{self, BufRead, BufReader, BufWriter, Read, Write};
 
 /// The longest line accepted.
@@ -32,20 +31,6 @@ pub struct Options {}
 
 const CANNOT_READ: &str = "cannot read standard input";
 const CANNOT_WRITE: &str = "cannot write to standard output";
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Query {
-    material: Material,
-    wi: [f64; 3],
-    wo: [f64; 3],
-    #[serde(default = "hue")]
-    tint: Tint,
-}
-
-fn hue() -> Tint {
-    Tint::Hue
-}
 
 #[derive(Serialize)]
 #[serde(untagged)]
@@ -79,7 +64,12 @@ pub fn execute(_: &Options) -> anyhow::Result<()> {
         } else if line.trim_ascii().is_empty() {
             continue;
         }
-        let answer = match if cut { Err(too_long()) } else { answer(&line) } {
+        let answered = if cut {
+            Err(too_long())
+        } else {
+            query::answer(&line).map_err(|error| error.to_string())
+        };
+        let answer = match answered {
             Ok(f) => Answer::Value { f },
             Err(error) => Answer::Fault {
                 line: number,
@@ -96,21 +86,4 @@ pub fn execute(_: &Options) -> anyhow::Result<()> {
 
 fn too_long() -> String {
     format!("the line is longer than {LINE_BYTES_MAX} bytes")
-}
-
-fn answer(line: &[u8]) -> Result<[f64; 3], String> {
-    let query: Query = serde_json::from_slice(line).map_err(|error| error.to_string())?;
-    query.material.check().map_err(|error| error.to_string())?;
-    let wi = direction("wi", query.wi)?;
-    let wo = direction("wo", query.wo)?;
-    Ok(Reflectance::new(&query.material, 0.0, query.tint).evaluate(wi, wo))
-}
-
-/// The unit vector along `components`, scaled by the largest first so that no square overflows.
-fn direction(name: &str, components: [f64; 3]) -> Result<Vec3, String> {
-    let largest = components.iter().fold(0.0f64, |a, b| a.max(b.abs()));
-    if largest == 0.0 {
-        return Err(format!("{name} has length zero"));
-    }
-    Ok(Vec3::from(components.map(|component| component / largest)).normalized())
 }

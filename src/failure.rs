@@ -1,7 +1,7 @@
 //! What a failure tells the shell.
 
 use coordinator::{CoordinatorError, StoreError};
-use dataset::SpecificationError;
+use dataset::{IndexListError, SpecificationError};
 use export::ExportError;
 use std::error::Error;
 use std::io::{self, Write};
@@ -60,6 +60,7 @@ fn message(error: &anyhow::Error) -> String {
 fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
     cause.is::<BadInput>()
         || cause.is::<SpecificationError>()
+        || cause.is::<IndexListError>()
         || matches!(
             cause.downcast_ref(),
             Some(

@@ -2,11 +2,12 @@
 
 use crate::connection::CoordinatorOptions;
 use crate::failure::BadInput;
-use crate::materials::{Materials, listed};
 use clap::{Args, Subcommand, ValueEnum};
+use dataset::IndexList;
 use proto::{
     CancelJobsRequest, Check, ControlClient, JobDetail, JobSelection, JobState, JobsChanged,
-    ListJobsRequest, ListJobsResponse, PrioritizeJobsRequest, RetryJobsRequest, limits,
+    ListJobsRequest, ListJobsResponse, MaterialRange, PrioritizeJobsRequest, RetryJobsRequest,
+    limits,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -32,7 +33,7 @@ pub struct List {
     state: Option<State>,
     /// Only these, as in 3,5-9
     #[arg(long, value_name = "LIST")]
-    materials: Option<Materials>,
+    materials: Option<IndexList>,
     /// Print JSON, an object a line
     #[arg(long)]
     json: bool,
@@ -56,7 +57,7 @@ pub struct Retry {
     coordinator: CoordinatorOptions,
     /// Which, as in 3,5-9
     #[arg(value_name = "LIST", required_unless_present = "all")]
-    materials: Option<Materials>,
+    materials: Option<IndexList>,
     /// All that were set aside
     #[arg(long, conflicts_with = "materials")]
     all: bool,
@@ -69,7 +70,7 @@ pub struct Cancel {
     coordinator: CoordinatorOptions,
     /// Which, as in 3,5-9
     #[arg(value_name = "LIST")]
-    materials: Materials,
+    materials: IndexList,
     /// Only say which would be given up
     #[arg(long)]
     dry_run: bool,
@@ -82,7 +83,7 @@ pub struct Prioritize {
     coordinator: CoordinatorOptions,
     /// Which, as in 3,5-9
     #[arg(value_name = "LIST")]
-    materials: Materials,
+    materials: IndexList,
     /// Higher goes first; 0 is what all have
     #[arg(long, allow_negative_numbers = true, value_name = "N",
           value_parser = clap::value_parser!(i32).range(
@@ -126,10 +127,7 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
 
 fn list(options: &List) -> anyhow::Result<()> {
     let selection = JobSelection {
-        ranges: options
-            .materials
-            .clone()
-            .map_or_else(Vec::new, |list| list.0),
+        ranges: options.materials.as_ref().map_or_else(Vec::new, ranges),
         states: options
             .state
             .map(|state| JobState::from(state).into())
@@ -148,7 +146,7 @@ fn list(options: &List) -> anyhow::Result<()> {
 
 fn show(options: &Show) -> anyhow::Result<()> {
     let material = options.material;
-    let range = proto::MaterialRange {
+    let range = MaterialRange {
         first: material,
         last: material,
     };
@@ -177,8 +175,8 @@ fn show(options: &Show) -> anyhow::Result<()> {
 
 fn retry(options: &Retry) -> anyhow::Result<()> {
     let selection = match &options.materials {
-        Some(Materials(ranges)) => JobSelection {
-            ranges: ranges.clone(),
+        Some(materials) => JobSelection {
+            ranges: ranges(materials),
             states: Vec::new(),
         },
         None => JobSelection {
@@ -199,7 +197,7 @@ fn retry(options: &Retry) -> anyhow::Result<()> {
 }
 
 fn cancel(options: &Cancel) -> anyhow::Result<()> {
-    let Materials(ranges) = options.materials.clone();
+    let ranges = ranges(&options.materials);
     if options.dry_run {
         let not_done = [JobState::Pending, JobState::Leased, JobState::SetAside];
         let selection = JobSelection {
@@ -225,7 +223,7 @@ fn cancel(options: &Cancel) -> anyhow::Result<()> {
 }
 
 fn prioritize(options: &Prioritize) -> anyhow::Result<()> {
-    let Materials(ranges) = options.materials.clone();
+    let ranges = ranges(&options.materials);
     let selection = JobSelection {
         ranges,
         states: Vec::new(),
@@ -268,8 +266,19 @@ fn each(
 }
 
 fn say(done: &str, changed: JobsChanged) -> anyhow::Result<()> {
-    writeln!(io::stdout(), "{done}: {}", listed(&changed.changed))?;
+    let changed = changed.changed.into_iter();
+    let changed: IndexList = changed.map(|range| range.first..=range.last).collect();
+    writeln!(io::stdout(), "{done}: {changed}")?;
     Ok(())
+}
+
+fn ranges(materials: &IndexList) -> Vec<MaterialRange> {
+    let ranges = materials.ranges().iter();
+    let ranges = ranges.map(|range| MaterialRange {
+        first: *range.start(),
+        last: *range.end(),
+    });
+    ranges.collect()
 }
 
 fn state_word(job: &JobDetail) -> &'static str {

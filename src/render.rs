@@ -137,7 +137,5 @@ fn read_material(path: &Path) -> Result<Material, BadInput> {
             "a material has at most {MATERIAL_FILE_BYTES_MAX} bytes, but this is larger"
         )));
     }
-    let material: Material = serde_json::from_slice(&text).map_err(|error| wrong(&error))?;
-    material.check().map_err(|error| wrong(&error))?;
-    Ok(material)
+    Material::from_json(&text).map_err(|error| wrong(&error))
 }

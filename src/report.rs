@@ -1,11 +1,10 @@
 //! `brdfarm report`: speed against error of both integrators.
 
 use crate::failure::BadInput;
-use crate::index_list::IndexList;
 use crate::{cores, output, progress};
 use anyhow::Context;
 use clap::{Args, ValueEnum};
-use dataset::{Specification, specification::IntegratorKind, specification::limits};
+use dataset::{IndexList, Specification, specification::IntegratorKind, specification::limits};
 use report::Report;
 use report::plan::{NamedMaterial, Plan, Setting};
 use std::fs;
@@ -106,8 +105,8 @@ impl FromStr for MaterialList {
             let named: Box<dyn Iterator<Item = NamedMaterial>> = if part == "hard" {
                 Box::new(NamedMaterial::hard())
             } else if part.starts_with(|first: char| first.is_ascii_digit()) {
-                let indices = IndexList::from_str(part)?
-                    .below(*limits::MATERIALS.end(), "material")
+                let indices = IndexList::from_str(part)
+                    .and_then(|list| list.below(*limits::MATERIALS.end(), "material"))
                     .map_err(|error| error.to_string())?;
                 Box::new(indices.into_iter().map(NamedMaterial::of_the_set))
             } else if let Some(case) = NamedMaterial::hard().find(|case| case.name == part) {
@@ -182,7 +181,8 @@ fn plan(options: &Options) -> Result<Plan, BadInput> {
         plan.materials.clone_from(materials);
     }
     if let Some(views) = &options.views {
-        plan.views = views.below(Specification::preset().views.len() as u32, "view")?;
+        let listed = views.below(Specification::preset().views.len() as u32, "view");
+        plan.views = listed.map_err(|error| BadInput(error.to_string()))?;
         let mut seen = Vec::new();
         plan.views.retain(|view| {
             let new = !seen.contains(view);

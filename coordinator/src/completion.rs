@@ -28,8 +28,9 @@ impl Completion {
         Digest::of(&digests)
     }
 
-    /// Bytes of all images.
+    /// Bytes of all images; no more than can be counted, whatever a damaged record says.
     pub fn bytes(&self) -> u64 {
-        self.views.iter().map(|view| view.bytes).sum()
+        let bytes = self.views.iter().map(|view| view.bytes);
+        bytes.fold(0, u64::saturating_add)
     }
 }

@@ -45,6 +45,8 @@ pub enum Entry {
 struct Place {
     offset: u64,
     bytes: u32,
+    // Of the material's images.
+    image_bytes: u64,
 }
 
 /// What a log holds; completions are read when they are asked for.
@@ -64,7 +66,7 @@ pub struct Completions {
 }
 
 impl Completions {
-    /// Reads a log and checks every line. Holds 16 bytes a line in memory, whatever lines hold.
+    /// Reads a log and checks every line. Holds 24 bytes a line in memory, whatever lines hold.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = File::open(path).map_err(FileError::new("open", path))?;
         let mut reader = BufReader::with_capacity(
@@ -90,12 +92,13 @@ impl Completions {
                 found.torn_bytes = read;
                 break;
             }
-            let place = Place {
-                offset: found.whole_bytes,
-                bytes: line.len() as u32,
-            };
             match decode(&line) {
                 Some(Entry::Completed(completion)) => {
+                    let place = Place {
+                        offset: found.whole_bytes,
+                        bytes: line.len() as u32,
+                        image_bytes: completion.bytes(),
+                    };
                     found.places.insert(completion.material, place);
                 }
                 Some(Entry::Retracted(Retraction { retracted })) => {
@@ -126,6 +129,11 @@ impl Completions {
     /// The completed materials, in order.
     pub fn materials(&self) -> impl Iterator<Item = u32> {
         self.places.keys().copied()
+    }
+
+    /// Bytes of a complete material's images.
+    pub fn image_bytes(&self, material: u32) -> Option<u64> {
+        Some(self.places.get(&material)?.image_bytes)
     }
 
     /// Reads one completion. `None` where the material is not complete, and where its line was

@@ -45,5 +45,5 @@ pub use farm::Progress;
 pub use file_error::FileError;
 pub use queue::Policy;
 pub use recovery::Recovery;
-pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator};
+pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator, Services};
 pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};

@@ -1,6 +1,6 @@
 //! What the farm counts and measures, for Prometheus.
 
-use crate::farm::Progress;
+use crate::farm::Report;
 use axum::{Router, http::header::CONTENT_TYPE, routing::get};
 use prometheus_client::{
     encoding::text::encode,
@@ -31,6 +31,7 @@ pub(crate) struct Metrics {
     workers: Gauge,
     images: Gauge,
     images_per_second: Gauge<f64, AtomicU64>,
+    store_bytes: Gauge<f64, AtomicU64>,
     store_free_bytes: Gauge<f64, AtomicU64>,
     failures: Gauge,
     leases_lost: Gauge,
@@ -54,6 +55,7 @@ impl Default for Metrics {
             workers: Gauge::default(),
             images: Gauge::default(),
             images_per_second: Gauge::default(),
+            store_bytes: Gauge::default(),
             store_free_bytes: Gauge::default(),
             failures: Gauge::default(),
             leases_lost: Gauge::default(),
@@ -84,6 +86,10 @@ impl Metrics {
         );
         let help = "Images completed a second, over the last minute";
         registry.register("images_per_second", help, self.images_per_second.clone());
+        let help =
+            "Bytes of images in the store: of those completed at the start and of those since";
+        let store = self.store_bytes.clone();
+        registry.register_with_unit("store", help, Unit::Bytes, store);
         let help = "Room on the store's file system";
         let free = self.store_free_bytes.clone();
         registry.register_with_unit("store_free", help, Unit::Bytes, free);
@@ -136,7 +142,8 @@ impl Metrics {
     }
 
     /// Everything, as Prometheus reads it.
-    pub fn text(&self, progress: &Progress, images_per_second: f64, free_bytes: u64) -> String {
+    pub fn text(&self, report: &Report, free_bytes: u64) -> String {
+        let progress = &report.progress;
         let counts = progress.counts;
         for (state, number) in [
             ("pending", counts.pending),
@@ -154,7 +161,8 @@ impl Metrics {
         self.images.set(progress.images as i64);
         self.failures.set(progress.failures as i64);
         self.leases_lost.set(progress.leases_lost as i64);
-        self.images_per_second.set(images_per_second);
+        self.images_per_second.set(report.images_per_second);
+        self.store_bytes.set(report.store_bytes as f64);
         self.store_free_bytes.set(free_bytes as f64);
         let mut text = String::new();
         if encode(&mut text, &self.registry).is_err() {
@@ -241,11 +249,17 @@ mod tests {
         metrics.note_call("/brdfarm.v1.Farm/PutBlob", second, None);
         let refused = Some(tonic::Code::PermissionDenied);
         metrics.note_call("/anything/at/all", second, refused);
-        let text = metrics.text(&Progress::default(), 1.5, 7);
+        let report = Report {
+            images_per_second: 1.5,
+            store_bytes: 9,
+            ..Report::default()
+        };
+        let text = metrics.text(&report, 7);
         for line in [
             "brdfarm_leases_total 3",
             "brdfarm_received_bytes_total 500",
             "brdfarm_images_per_second 1.5",
+            "brdfarm_store_bytes 9.0",
             "brdfarm_store_free_bytes 7.0",
             "brdfarm_jobs{state=\"pending\"} 0",
             "brdfarm_render_seconds_count 1",

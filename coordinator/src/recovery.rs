@@ -41,6 +41,8 @@ pub(crate) struct Recovered {
     pub ledger: SledLedger,
     pub log: CompletionLog,
     pub kept: Changes,
+    /// Of the images of completed materials.
+    pub image_bytes: u64,
     pub recovery: Recovery,
 }
 
@@ -71,7 +73,11 @@ pub(crate) fn recover(
         .map(|change| (change.material, change.record))
         .collect();
     recover_from_log(&ledger, &logged, blobs, views, &mut jobs, &mut recovery)?;
-    restore_log(&ledger, &mut log, &logged, &mut jobs, &mut recovery)?;
+    let restored = restore_log(&ledger, &mut log, &logged, &mut jobs, &mut recovery)?;
+    let completed = jobs.iter().filter(|(_, job)| is_completed(Some(job)));
+    let image_bytes = completed
+        .filter_map(|(material, _)| logged.image_bytes(*material))
+        .fold(restored, u64::saturating_add);
     report(&recovery, &logged);
     kept.jobs = jobs
         .into_iter()
@@ -81,6 +87,7 @@ pub(crate) fn recover(
         ledger,
         log,
         kept,
+        image_bytes,
         recovery,
     })
 }
@@ -119,13 +126,15 @@ fn recover_from_log(
     ledger.sync()
 }
 
+/// Returns the bytes of the images of what was restored.
 fn restore_log(
     ledger: &SledLedger,
     log: &mut CompletionLog,
     logged: &Completions,
     jobs: &mut BTreeMap<u32, JobRecord>,
     recovery: &mut Recovery,
-) -> Result<(), LedgerError> {
+) -> Result<u64, LedgerError> {
+    let mut bytes: u64 = 0;
     let completed = jobs.iter_mut().filter(|(_, job)| is_completed(Some(job)));
     for (material, job) in completed {
         if logged.contains(*material) {
@@ -134,6 +143,7 @@ fn restore_log(
         match ledger.completion(*material)? {
             Some(completion) => {
                 log.append([&completion])?;
+                bytes = bytes.saturating_add(completion.bytes());
                 recovery.log_lines_restored += 1;
             }
             None => {
@@ -144,7 +154,8 @@ fn restore_log(
             }
         }
     }
-    ledger.sync()
+    ledger.sync()?;
+    Ok(bytes)
 }
 
 fn one(material: u32, record: JobRecord) -> Changes {

@@ -129,6 +129,18 @@ pub struct RunningCoordinator {
     lock: File,
 }
 
+/// The services of a coordinator without its network and what protects it: calls are made in this
+/// process. Nothing sweeps leases that ran out.
+pub struct Services<F, C> {
+    /// For workers.
+    pub farm: F,
+    /// For people.
+    pub control: C,
+    _stop: watch::Sender<bool>,
+    // The last to go, as in RunningCoordinator.
+    _lock: File,
+}
+
 /// Starts a coordinator over a store.
 pub struct Coordinator;
 
@@ -143,6 +155,27 @@ impl Coordinator {
             return Err(CoordinatorError::Exposed(options.listen));
         }
         check_image_size(&specification.image)
+    }
+
+    /// The services over `store`, to be called without a network; fuzzing does so.
+    ///
+    /// # Errors
+    /// When the system starts no thread.
+    pub fn services(
+        store: Store,
+        options: &Options,
+    ) -> Result<Services<impl proto::Farm, impl proto::Control>, FileError> {
+        let (stop, stopping) = watch::channel(false);
+        let (farm, lock) = Farm::start(store, options, Arc::default(), stopping)?;
+        let farm = Arc::new(farm);
+        Ok(Services {
+            farm: FarmService {
+                farm: Arc::clone(&farm),
+            },
+            control: ControlService { farm },
+            _stop: stop,
+            _lock: lock,
+        })
     }
 
     /// Serves `store` until [`RunningCoordinator::shutdown`]. Has to be called inside a runtime.

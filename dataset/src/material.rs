@@ -14,6 +14,17 @@ pub struct MaterialError {
     high: f64,
 }
 
+/// A text that is no material.
+#[derive(Debug, thiserror::Error)]
+pub enum ReadMaterialError {
+    /// It is no JSON, or has other fields.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// A parameter is outside the model's domain.
+    #[error(transparent)]
+    Parameter(#[from] MaterialError),
+}
+
 /// The ten parameters of the reflectance model (Vidaurre et al. 2019, section 3).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -33,6 +44,16 @@ pub struct Material {
 }
 
 impl Material {
+    /// Reads a material as JSON: the fields of this type, all of them.
+    ///
+    /// # Errors
+    /// When it is malformed or outside the model's domain.
+    pub fn from_json(text: &[u8]) -> Result<Self, ReadMaterialError> {
+        let material: Self = serde_json::from_slice(text)?;
+        material.check()?;
+        Ok(material)
+    }
+
     /// Checks that every parameter lies in the model's domain.
     ///
     /// # Errors

@@ -14,6 +14,7 @@ pub mod geometry;
 pub mod hybrid;
 mod instructions;
 pub mod path;
+pub mod query;
 pub mod reflectance;
 mod render;
 mod replicates;

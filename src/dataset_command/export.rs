@@ -2,12 +2,11 @@
 
 use super::{StoreOptions, show};
 use crate::failure::BadInput;
-use crate::index_list::IndexList;
 use crate::plural::count;
 use crate::{cores, picture, progress};
 use clap::{Args, ValueEnum};
 use coordinator::ReadOnlyStore;
-use dataset::Split;
+use dataset::{IndexList, Split};
 use export::card::Publication;
 use export::layout::{self, Layout, SHARD_BYTES, export};
 use export::product::Products;

@@ -1,13 +1,12 @@
 //! `brdfarm dataset show`.
 
 use super::StoreOptions;
-use crate::index_list::IndexList;
 use crate::output;
 use crate::picture::{self, ContactSheet};
 use anyhow::Context;
 use clap::Args;
 use coordinator::ReadOnlyStore;
-use dataset::Digest;
+use dataset::{Digest, IndexList};
 use renderer::decode_exr;
 use std::fs;
 use std::io::{self, Write};

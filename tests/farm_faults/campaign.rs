@@ -40,8 +40,12 @@ fn campaign(materials: u32, kills_min: u32, samples: u32, pause_ms: u64) {
         while Instant::now() < until && harness.completed().len() < due as usize {
             thread::sleep(Duration::from_millis(2));
         }
-        let victim = draws.below(WORKERS as u64 + 1) as usize;
-        if victim == WORKERS {
+        // A worker, the coordinator, or it and a worker at once.
+        let victim = draws.below(WORKERS as u64 + 2) as usize;
+        if victim > WORKERS {
+            workers.remove(0).kill();
+        }
+        if victim >= WORKERS {
             let acknowledged = harness.acknowledged();
             harness.kill_coordinator();
             harness.start();
@@ -53,6 +57,10 @@ fn campaign(materials: u32, kills_min: u32, samples: u32, pause_ms: u64) {
                 );
             }
             coordinator_kills += 1;
+            if victim > WORKERS {
+                workers.insert(0, worker(&harness, 0));
+                worker_kills += 1;
+            }
         } else {
             workers.remove(victim).kill();
             workers.insert(victim, worker(&harness, victim));

@@ -8,13 +8,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// How long anything may take at the very most.
-pub const PATIENCE: Duration = Duration::from_secs(900);
+/// How long anything may take at the very most, unless BRDFARM_PATIENCE_SECONDS says otherwise.
+const PATIENCE: Duration = Duration::from_secs(900);
 
 pub struct Harness {
     directory: tempfile::TempDir,
     /// The coordinator's address; the same after each restart.
     pub address: String,
+    /// Of the coordinator's command line, what tests differ in.
+    pub options: String,
     pub coordinator: Option<Process>,
 }
 
@@ -57,7 +59,13 @@ impl Drop for Process {
 }
 
 pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let given = std::env::var("BRDFARM_PATIENCE_SECONDS").ok();
+    let given = given.map(|seconds| {
+        seconds
+            .parse()
+            .expect("BRDFARM_PATIENCE_SECONDS is a number")
+    });
+    let deadline = Instant::now() + given.map_or(PATIENCE, Duration::from_secs);
     while !done() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(10));
@@ -76,6 +84,7 @@ impl Harness {
         Self {
             directory,
             address: "127.0.0.1:0".to_owned(),
+            options: "--lease-seconds 2 --check-percent 0".to_owned(),
             coordinator: None,
         }
     }
@@ -109,9 +118,8 @@ impl Harness {
 
     pub fn serve(&self) -> String {
         format!(
-            "coordinator serve --spec spec.toml --store farm --listen {} --lease-seconds 2 \
-             --check-percent 0",
-            self.address
+            "coordinator serve --spec spec.toml --store farm --listen {} {}",
+            self.address, self.options
         )
     }
 
@@ -186,18 +194,20 @@ impl Harness {
         materials
     }
 
-    /// Materials that the completion log has, in its order.
+    /// Materials that the completion log has, in its order, less those that it takes back.
     pub fn completed(&self) -> Vec<u64> {
         let log = fs::read_to_string(self.store().join("completions.log")).unwrap_or_default();
         let whole = log.rsplit_once('\n').map_or("", |(whole, _)| whole);
-        whole
-            .lines()
-            .map(|line| {
-                let (_, json) = line.split_once(' ').expect("a checksum");
-                let entry: Value = serde_json::from_str(json).expect("JSON");
-                entry["material"].as_u64().expect("a completion")
-            })
-            .collect()
+        let mut materials = Vec::new();
+        for line in whole.lines() {
+            let (_, json) = line.split_once(' ').expect("a checksum");
+            let entry: Value = serde_json::from_str(json).expect("JSON");
+            match entry["retracted"].as_u64() {
+                Some(retracted) => materials.retain(|material| *material != retracted),
+                None => materials.push(entry["material"].as_u64().expect("a completion")),
+            }
+        }
+        materials
     }
 
     pub fn status(&self) -> Value {
@@ -210,18 +220,20 @@ impl Harness {
         wait_for("the end of the set", || self.status()["finished"] == true);
     }
 
+    /// The manifest of a store: a function of its images.
+    pub fn manifest(&self, store: &str) -> String {
+        let out = format!("{store}.jsonl");
+        let arguments =
+            format!("dataset manifest export --store {store} --format jsonl --out {out}");
+        self.succeed(&arguments);
+        fs::read_to_string(self.path().join(out)).expect("a manifest")
+    }
+
     /// The farm's set is complete, every image is there once and what an undisturbed run makes.
     pub fn expect_undisturbed(&self) {
         self.succeed("dataset verify --store farm");
         self.succeed("run --spec spec.toml --store undisturbed --backend native");
-        let [farm, undisturbed] = ["farm", "undisturbed"].map(|store| {
-            let out = format!("{store}.jsonl");
-            let arguments =
-                format!("dataset manifest export --store {store} --format jsonl --out {out}");
-            self.succeed(&arguments);
-            fs::read_to_string(self.path().join(out)).expect("a manifest")
-        });
-        assert_eq!(farm, undisturbed);
+        assert_eq!(self.manifest("farm"), self.manifest("undisturbed"));
         let materials = self.completed();
         let once: BTreeSet<u64> = materials.iter().copied().collect();
         assert_eq!(

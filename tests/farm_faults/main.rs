@@ -1,4 +1,6 @@
-//! Faults, done to real processes: kill, freeze, cut, delay, fill.
+//! Faults, done to real processes: kill, freeze, cut, delay, reorder, fill, corrupt, lie, hang.
+//!
+//! README.md beside this file says which defence each fault meets, and how its test fails without.
 //!
 //! Every run that draws at random prints its seed; `BRDFARM_SEED` repeats it.
 
@@ -7,8 +9,11 @@
     reason = "seeds and counts are what these runs are for"
 )]
 
+mod bad_workers;
 mod campaign;
+mod corruption;
 mod faults;
 mod harness;
+mod network;
 mod power;
 mod proxy;

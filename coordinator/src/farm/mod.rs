@@ -14,7 +14,7 @@ mod operating;
 pub(crate) use completing::Outcome;
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
-pub(crate) use operating::{Changed, WorkerReport};
+pub(crate) use operating::{Changed, Report, WorkerReport};
 
 use crate::{
     blobs::Blobs,
@@ -75,6 +75,8 @@ struct State {
     queue: Queue,
     staging: Staging,
     roster: Roster,
+    // Of the images of completed materials at the start.
+    bytes_before: u64,
     bytes_received: u64,
     failures: u64,
     leases_lost: u64,
@@ -155,6 +157,7 @@ impl Farm {
                 queue,
                 staging: Staging::default(),
                 roster: Roster::default(),
+                bytes_before: state.image_bytes,
                 bytes_received: 0,
                 failures: 0,
                 leases_lost: 0,

@@ -33,12 +33,13 @@ pub(crate) struct WorkerReport {
 }
 
 /// How the farm is.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Report {
     pub progress: Progress,
     pub mode: Mode,
     pub workers_barred: u32,
     pub images_per_second: f64,
+    pub store_bytes: u64,
     pub up: Duration,
 }
 
@@ -54,6 +55,7 @@ impl Farm {
             mode: state.queue.mode(),
             workers_barred: barred.count() as u32,
             images_per_second: state.images_completed.per_second(now),
+            store_bytes: state.bytes_before.saturating_add(state.bytes_received),
             up: now,
         }
     }
@@ -62,8 +64,7 @@ impl Farm {
     pub fn metrics_text(&self) -> String {
         let report = self.report();
         let free = self.blobs.free_bytes().unwrap_or(0);
-        self.metrics
-            .text(&report.progress, report.images_per_second, free)
+        self.metrics.text(&report, free)
     }
 
     /// Materials set aside, the first few, with their errors.

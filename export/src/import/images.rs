@@ -18,7 +18,7 @@ use std::{
 const SHARD_BATCH_ROWS: usize = 64;
 
 /// Who takes a material's files, in the order of views.
-pub(super) type TakeMaterial<'a> = dyn FnMut(u32, Vec<Vec<u8>>) -> Result<(), ImportError> + 'a;
+pub type TakeMaterial<'a> = dyn FnMut(u32, Vec<Vec<u8>>) -> Result<(), ImportError> + 'a;
 
 /// Hands over the files of every material; nothing is checked but that they are there.
 pub(super) fn for_each_material(

@@ -15,6 +15,7 @@ use dataset::{
     manifest::Row,
     specification::{Image, Pixel},
 };
+pub use images::TakeMaterial;
 use images::for_each_material;
 use std::{
     collections::BTreeMap,
@@ -138,6 +139,21 @@ pub fn import(
     })?;
     flush(&mut batch)?;
     Ok(imported)
+}
+
+/// Reads a manifest and the files of the images that it names, and hands each material's over in the
+/// order of views: what [`import`] does before it compares images with their rows.
+///
+/// # Errors
+/// At the first row that is wrong or image that is absent, or when `take` fails.
+pub fn read_images(
+    specification: &Specification,
+    manifest: &Path,
+    folder: &Path,
+    take: &mut TakeMaterial<'_>,
+) -> Result<(), ImportError> {
+    let wanted = read_manifest(specification, manifest)?;
+    for_each_material(&wanted, folder, take)
 }
 
 /// Drops the materials that a store has already, and counts them.

@@ -1,0 +1,65 @@
+//! Who somebody is: token files, tokens, and what a client is configured with.
+
+use coordinator::{security::Tokens, token::Token};
+use dataset::Digest;
+use proto::client::{self, Credentials};
+use std::sync::LazyLock;
+use tokio::runtime::Runtime;
+
+/// Reads a file of tokens, and each as a lease's or as a digest. Of a token that stands there twice
+/// the later role counts.
+pub fn tokens(bytes: &[u8]) -> bool {
+    let Ok(text) = str::from_utf8(bytes) else {
+        return false;
+    };
+    if let Ok(token) = serde_json::from_str::<Token>(text) {
+        let json = serde_json::to_string(&token).unwrap();
+        assert_eq!(serde_json::from_str::<Token>(&json).unwrap(), token);
+        return true;
+    }
+    if let Ok(digest) = text.parse::<Digest>() {
+        assert_eq!(digest.to_string(), text);
+        return true;
+    }
+    let Ok(tokens) = text.parse::<Tokens>() else {
+        return false;
+    };
+    for line in text.lines().map(str::trim) {
+        if let Some((_, token)) = line.split_once(' ').filter(|_| !line.starts_with('#')) {
+            assert!(tokens.role(token.trim().as_bytes()).is_some());
+            assert_eq!(tokens.role(&token.trim().as_bytes()[1..]), None);
+        }
+    }
+    assert_eq!(tokens.role(b""), None);
+    true
+}
+
+static RUNTIME: LazyLock<Runtime> = LazyLock::new(|| Runtime::new().unwrap());
+
+/// Configures a client with a URL, a token and certificates, parted by zero bytes.
+pub fn credentials(bytes: &[u8]) -> bool {
+    let mut parts = bytes.split(|byte| *byte == 0);
+    let mut part = || parts.next().filter(|part| !part.is_empty());
+    let text = |part: &[u8]| String::from_utf8_lossy(part).into_owned();
+    let url = part().map(text).unwrap_or_default();
+    let token = part().map(text);
+    let authority = part().map(<[u8]>::to_vec);
+    let certificate = part().map(<[u8]>::to_vec);
+    let identity = certificate.zip(part().map(<[u8]>::to_vec));
+    let credentials = Credentials {
+        token,
+        authority,
+        identity,
+    };
+    let _inside = RUNTIME.enter();
+    match client::farm(&url, &credentials) {
+        Ok(_) => true,
+        Err(sentence) => {
+            let secret = credentials.token.filter(|token| token.len() > 8);
+            assert!(
+                secret.is_none_or(|secret| url.contains(&secret) || !sentence.contains(&secret))
+            );
+            false
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! Too much of everything: messages that are too large, connections that say nothing, uploads that
+//! never end.
+
+use crate::place::{MEMORY_MAX, coordinator, status, succeed};
+use http_body::{Frame, SizeHint};
+use proto::client::{self, Credentials, with_deadline};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::net::TcpStream;
+use std::pin::Pin;
+use std::task::{Context, Poll};
+use std::time::Duration;
+use tokio::task::JoinSet;
+use tokio::time::{Sleep, sleep};
+use tonic::transport::Endpoint;
+use tonic::{Code, Status, body::Body};
+use tower::{Service, ServiceExt};
+
+#[tokio::test]
+async fn messages_that_are_too_large_are_refused_unread() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let (coordinator, url) = coordinator(directory.path(), "store", "");
+    let nobody = Credentials::default();
+    let farm = client::farm(&url, &nobody).expect("a client");
+    let mut farm = farm.max_encoding_message_size(64 << 20);
+    for _ in 0..3 {
+        let data = vec![0; 16 << 20];
+        let message = proto::PutBlobRequest {
+            digest: vec![0; 32],
+            size: data.len() as u64,
+            data: data.into(),
+        };
+        let refused = farm.put_blob(with_deadline(message)).await.unwrap_err();
+        assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    }
+    let message = proto::FindMissingBlobsRequest {
+        digests: vec![vec![0; 32]; 5000],
+    };
+    let refused = farm
+        .find_missing_blobs(with_deadline(message))
+        .await
+        .unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+    let control = client::control(&url, &nobody).expect("a client");
+    let mut control = control.max_encoding_message_size(64 << 20);
+    let message = proto::BarWorkerRequest {
+        name: "x".repeat(1 << 20),
+        reason: "y".to_owned(),
+    };
+    let refused = control
+        .bar_worker(with_deadline(message))
+        .await
+        .unwrap_err();
+    assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
+    assert!(
+        coordinator.memory() < MEMORY_MAX,
+        "{}",
+        coordinator.memory()
+    );
+    assert_eq!(status(&url, &nobody).await.expect("an answer"), 2);
+}
+
+#[tokio::test]
+async fn ten_thousand_silent_connections_keep_nobody_out() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    let limit = getrlimit(Resource::Nofile);
+    let raised = Rlimit {
+        current: limit.maximum,
+        ..limit
+    };
+    setrlimit(Resource::Nofile, raised).expect("open files");
+    let (coordinator, url) = coordinator(directory, "store", "");
+    let address = url.trim_start_matches("http://").to_owned();
+    let mut silent = Vec::new();
+    while silent.len() < 10_000 {
+        let Ok(stream) = TcpStream::connect(&address) else {
+            panic!("{} connections are all that this system has", silent.len());
+        };
+        silent.push(stream);
+        if silent.len().is_multiple_of(2500) {
+            let answer = status(&url, &Credentials::default()).await;
+            assert_eq!(
+                answer.expect("an answer"),
+                2,
+                "with {} of them",
+                silent.len()
+            );
+        }
+    }
+    let work = format!("worker connect {url} --backend native");
+    assert!(succeed(directory, &work).contains("28 images"));
+    assert!(
+        coordinator.memory() < MEMORY_MAX,
+        "{}",
+        coordinator.memory()
+    );
+}
+
+/// An upload that says how much it is going to send, sends most of it, and then a byte at a time,
+/// for ever.
+struct Unfinished {
+    sent: usize,
+    announced: u32,
+    pause: Pin<Box<Sleep>>,
+}
+
+/// What an upload sends before it slows down, bytes.
+const SENT_AT_ONCE: usize = 6 << 20;
+
+/// What it sends in one piece, bytes.
+const PIECE: usize = 64 << 10;
+
+impl http_body::Body for Unfinished {
+    type Data = tonic::codegen::Bytes;
+    type Error = Status;
+
+    fn poll_frame(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
+        if self.sent == 0 {
+            // The frame of a gRPC message: not compressed, and so long.
+            let mut begin = vec![0];
+            begin.extend(self.announced.to_be_bytes());
+            self.sent = begin.len();
+            return Poll::Ready(Some(Ok(Frame::data(begin.into()))));
+        }
+        if self.sent < SENT_AT_ONCE {
+            self.sent += PIECE;
+            return Poll::Ready(Some(Ok(Frame::data(vec![0; PIECE].into()))));
+        }
+        if self.pause.as_mut().poll(context).is_pending() {
+            return Poll::Pending;
+        }
+        self.pause = Box::pin(sleep(Duration::from_secs(1)));
+        Poll::Ready(Some(Ok(Frame::data(vec![0].into()))))
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::default()
+    }
+}
+
+/// Sends an upload that never ends, and returns how it is refused.
+async fn unfinished(url: &str) -> Code {
+    let channel = Endpoint::from_shared(url.to_owned()).expect("a URL");
+    let mut channel = channel.connect().await.expect("a connection");
+    let body = Unfinished {
+        sent: 0,
+        announced: 7 << 20,
+        pause: Box::pin(sleep(Duration::ZERO)),
+    };
+    let request = http::Request::post("/brdfarm.v1.Farm/PutBlob")
+        .header("content-type", "application/grpc")
+        .header("te", "trailers")
+        .body(Body::new(body))
+        .expect("a request");
+    let channel = channel.ready().await.expect("a connection");
+    let answer = channel.call(request).await.expect("an answer");
+    Status::from_header_map(answer.headers()).map_or(Code::Ok, |status| status.code())
+}
+
+/// 120 uploads of 6 MiB that never end are 720 MiB, more than all messages may take together.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
+    const UPLOADS: usize = 120;
+    /// What all messages may take together, and what a coordinator takes beside, bytes.
+    const UNFINISHED_MEMORY_MAX: u64 = (512 << 20) + MEMORY_MAX;
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    let (coordinator, url) = coordinator(directory, "store", "");
+    let mut uploads = JoinSet::new();
+    for _ in 0..UPLOADS {
+        let url = url.clone();
+        uploads.spawn(async move { unfinished(&url).await });
+    }
+    let mut codes = Vec::new();
+    let mut memory_max = 0;
+    while let Some(code) = uploads.join_next().await {
+        codes.push(code.expect("no panic"));
+        memory_max = memory_max.max(coordinator.memory());
+        if codes.len() == 1 {
+            // Others are still sending.
+            let answer = status(&url, &Credentials::default()).await;
+            assert_eq!(answer.expect("an answer"), 2);
+        }
+    }
+    let refused = |code| codes.iter().filter(|found| **found == code).count();
+    let (surplus, slow) = (
+        refused(Code::ResourceExhausted),
+        refused(Code::DeadlineExceeded),
+    );
+    assert_eq!(surplus + slow, UPLOADS, "{codes:?}");
+    assert!(surplus > 0, "there was room for all of them");
+    assert!(slow > 0, "nobody was put out for being slow");
+    assert!(memory_max < UNFINISHED_MEMORY_MAX, "{memory_max}");
+    let work = format!("worker connect {url} --backend native");
+    assert!(succeed(directory, &work).contains("28 images"));
+}

@@ -1,0 +1,225 @@
+//! What workers send that is no image, or no name: bombs, other bytes than were named, paths.
+
+use crate::cheap_image::{Cheap, cheap_image};
+use crate::place::{MEMORY_MAX, SPECIFICATION, coordinator, status, succeed};
+use dataset::{Digest, RENDERER_VERSION, Specification};
+use proto::client::{self, Credentials, with_deadline};
+use std::fs;
+use std::path::Path;
+use tonic::{Code, Status};
+
+/// The largest image that a message can carry.
+const BYTES_MAX: usize = proto::limits::BLOB_BYTES_MAX as usize;
+
+/// A zlib stream of `bytes` bytes that unpacks to 159 times as many zeros: one literal and then
+/// repetitions of it, 258 at a time, in 13 bits each.
+fn deflated_zeros(bytes: usize) -> Vec<u8> {
+    let mut packed = vec![0x78, 0x01];
+    let (mut bits, mut count) = (0u32, 0);
+    let mut push = |packed: &mut Vec<u8>, code: u32, length: u32| {
+        bits |= code << count;
+        count += length;
+        while count >= 8 {
+            packed.push(bits as u8);
+            bits >>= 8;
+            count -= 8;
+        }
+    };
+    // The last block, with the fixed code, whose words stand with their first bit lowest.
+    push(&mut packed, 0b011, 3);
+    push(&mut packed, 0b0000_1100, 8);
+    while packed.len() < bytes {
+        push(&mut packed, 0b1010_0011, 8);
+        push(&mut packed, 0, 5);
+    }
+    push(&mut packed, 0, 7);
+    packed.extend([0; 5]);
+    packed
+}
+
+/// An image whose first block unpacks to far more than the film has.
+fn block_bomb(specification: &Specification) -> Vec<u8> {
+    let image = cheap_image(specification, 0, 0);
+    // The film is one block: its place in the file stands right before it.
+    let table = (0..image.len() - 8).find(|place| {
+        let word: [u8; 8] = image[*place..*place + 8].try_into().expect("8 bytes");
+        u64::from_le_bytes(word) == *place as u64 + 8
+    });
+    let block = table.expect("a table of blocks") + 8;
+    let packed = deflated_zeros(BYTES_MAX - (64 << 10));
+    let mut bomb = image[..block + 4].to_vec();
+    bomb.extend((packed.len() as u32).to_le_bytes());
+    bomb.extend(packed);
+    bomb
+}
+
+/// An image that says that it is larger than any memory.
+fn window_bomb(specification: &Specification) -> Vec<u8> {
+    let mut image = cheap_image(specification, 0, 0);
+    let name = b"dataWindow\0box2i\0";
+    let place = image.windows(name.len()).position(|found| found == name);
+    // The size of the value, then its corners.
+    let corner = place.expect("a data window") + name.len() + 4 + 8;
+    for side in 0..2 {
+        let place = corner + 4 * side;
+        image[place..place + 4].copy_from_slice(&(i32::MAX - 1).to_le_bytes());
+    }
+    image
+}
+
+/// An honest image of another film: a small file, and a hundred megabytes of pixels.
+fn film_bomb(specification: &Specification) -> Vec<u8> {
+    let mut large = Cheap::new(specification, 0, 0);
+    large.film.width = 4096;
+    large.film.height = 4096;
+    large.value = 0.0;
+    large.encode()
+}
+
+#[tokio::test]
+async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    let (coordinator, url) = coordinator(directory, "store", "");
+    let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
+    let mut farm = client::farm(&url, &Credentials::default()).expect("a client");
+    let before = coordinator.memory();
+    let image = cheap_image(&specification, 0, 0);
+    let other = Digest::of(b"other");
+    for (name, bytes, digest) in [
+        ("block", block_bomb(&specification), None),
+        ("window", window_bomb(&specification), None),
+        ("film", film_bomb(&specification), None),
+        ("noise", vec![0x5a; BYTES_MAX], None),
+        ("digest", image.clone(), Some(other)),
+        (
+            "flipped",
+            [&image[..image.len() - 1], &[!image[image.len() - 1]]].concat(),
+            Some(Digest::of(&image)),
+        ),
+    ] {
+        assert!(bytes.len() <= BYTES_MAX, "{name} fits a message");
+        for _ in 0..3 {
+            let message = proto::PutBlobRequest {
+                digest: digest
+                    .unwrap_or_else(|| Digest::of(&bytes))
+                    .as_bytes()
+                    .to_vec(),
+                size: bytes.len() as u64,
+                data: bytes.clone().into(),
+            };
+            let refused = farm.put_blob(with_deadline(message)).await;
+            let refused = refused.expect_err(name);
+            assert_eq!(refused.code(), Code::InvalidArgument, "{name}: {refused}");
+        }
+    }
+    let grown = coordinator.memory().saturating_sub(before);
+    assert!(grown < MEMORY_MAX / 4, "{grown} bytes more");
+    let staged = fs::read_dir(directory.join("store/staging")).expect("a folder");
+    assert_eq!(staged.count(), 0, "something was taken in");
+    assert_eq!(
+        status(&url, &Credentials::default())
+            .await
+            .expect("an answer"),
+        2
+    );
+    let work = format!("worker connect {url} --backend native");
+    assert!(succeed(directory, &work).contains("28 images"));
+}
+
+/// Everything below a folder, as paths.
+fn files_below(folder: &Path) -> Vec<std::path::PathBuf> {
+    let mut files = Vec::new();
+    let mut folders = vec![folder.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("a folder") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path.clone());
+            }
+            files.push(path);
+        }
+    }
+    files.sort();
+    files
+}
+
+#[tokio::test]
+async fn what_is_sent_never_becomes_a_path() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    let (_coordinator, url) = coordinator(directory, "inner/store", "");
+    let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
+    let nobody = Credentials::default();
+    let mut farm = client::farm(&url, &nobody).expect("a client");
+    let mut control = client::control(&url, &nobody).expect("a client");
+    let before = files_below(directory);
+    for path in [
+        "../../../../escaped",
+        "/tmp/escaped",
+        "..",
+        "staging/../../escaped",
+    ] {
+        let refused = |answer: Result<(), Status>| {
+            let refused = answer.expect_err(path);
+            assert_eq!(refused.code(), Code::InvalidArgument, "{path}: {refused}");
+        };
+        let bytes = path.as_bytes().to_vec();
+        let put = proto::PutBlobRequest {
+            digest: bytes.clone(),
+            size: 4,
+            data: b"data".to_vec().into(),
+        };
+        refused(farm.put_blob(with_deadline(put)).await.map(drop));
+        let get = proto::GetBlobRequest {
+            digest: bytes.clone(),
+        };
+        refused(control.get_blob(with_deadline(get)).await.map(drop));
+        let find = proto::FindMissingBlobsRequest {
+            digests: vec![bytes.clone()],
+        };
+        refused(farm.find_missing_blobs(with_deadline(find)).await.map(drop));
+        let lease = proto::LeaseRequest {
+            worker_id: bytes.clone(),
+            jobs_max: 1,
+            wait_ms: 0,
+        };
+        refused(farm.lease(with_deadline(lease)).await.map(drop));
+        let fail = proto::FailRequest {
+            token: bytes,
+            material: 0,
+            error: path.to_owned(),
+        };
+        refused(farm.fail(with_deadline(fail)).await.map(drop));
+        // A name is a name, whatever it looks like.
+        let register = proto::RegisterRequest {
+            name: path.to_owned(),
+            renderer_version: RENDERER_VERSION.to_owned(),
+            specification_hash: specification.hash().as_bytes().to_vec(),
+            worker_id: Vec::new(),
+        };
+        farm.register(with_deadline(register))
+            .await
+            .expect("a name");
+        let bar = proto::BarWorkerRequest {
+            name: path.to_owned(),
+            reason: path.to_owned(),
+        };
+        control.bar_worker(with_deadline(bar)).await.expect("a bar");
+    }
+    let beyond_the_set = proto::CompleteRequest {
+        token: vec![0; 16],
+        material: u32::MAX,
+        views: Vec::new(),
+        seconds: 0.0,
+    };
+    let refused = farm.complete(with_deadline(beyond_the_set)).await;
+    assert_eq!(
+        refused.expect_err("no material").code(),
+        Code::InvalidArgument
+    );
+    assert_eq!(files_below(directory), before);
+    assert!(!Path::new("/tmp/escaped").exists());
+    let work = format!("worker connect {url} --backend native --name honest");
+    assert!(succeed(directory, &work).contains("28 images"));
+}

@@ -1,0 +1,15 @@
+//! Strangers at the door of a real coordinator: each is refused, and the farm goes on.
+
+#[allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "other tests use the rest, and a panic there is a failed test"
+)]
+#[path = "../../coordinator/tests/store/cheap_image.rs"]
+mod cheap_image;
+
+mod admission;
+mod floods;
+mod images;
+mod place;
+mod windows;
