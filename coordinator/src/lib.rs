@@ -3,6 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`queue`] | the jobs' state machine: no sockets, no clock, no input or output |
+//! | `board` | every transition of the queue, made durable |
 //! | [`ledger`] | jobs, completions and the index of images, in sled |
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
 //! | [`blobs`] | images by digest |
@@ -18,6 +19,7 @@
 
 pub mod acceptance;
 pub mod blobs;
+mod board;
 mod commit;
 mod completion;
 pub mod completion_log;

@@ -174,7 +174,9 @@ impl Coordinator {
             None => "http",
         };
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())?;
+        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())
+            .await
+            .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
         let mut tasks = JoinSet::new();
         if let Some(listener) = metrics_listener {
@@ -220,7 +222,7 @@ impl RunningCoordinator {
             _ = failure.wait_for(Option::is_some) => {}
         }
         let settled = self.farm.settled().await;
-        settled.map_err(|error| CoordinatorError::Store(error.0.unwrap_or_default()))?;
+        settled.map_err(|error| CoordinatorError::Store(error.to_string()))?;
         Ok(*self.farm.progress().borrow())
     }
 
@@ -245,8 +247,9 @@ impl RunningCoordinator {
     }
 
     /// Materials set aside, the first few, with their errors.
-    pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
-        self.farm.set_aside()
+    pub async fn set_aside(&self) -> Result<Vec<(u32, Vec<String>)>, CoordinatorError> {
+        let set_aside = self.farm.set_aside().await;
+        set_aside.map_err(|error| CoordinatorError::Store(error.to_string()))
     }
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the

@@ -10,10 +10,10 @@ impl Farm {
     /// Which of the digests are neither staged nor in the store.
     pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
         let unstaged: Vec<Digest> = {
-            let state = self.shared.lock();
+            let staging = self.surroundings.staging();
             digests
                 .into_iter()
-                .filter(|digest| !state.staging.contains(digest))
+                .filter(|digest| !staging.contains(digest))
                 .collect()
         };
         let places = self.stored(unstaged).await?;
@@ -49,21 +49,21 @@ impl Farm {
             return Ok(());
         }
         let shared = Arc::clone(&self.shared);
-        let blobs = self.blobs.clone();
+        let surroundings = Arc::clone(&self.surroundings);
         let film = self.specification.image.clone();
         // The task runs to its end even when the caller goes away, so what it reserves it also
         // gives back.
         task::spawn_blocking(move || {
             let _permit = permit;
-            if !shared.lock().staging.reserve(size) {
+            if !surroundings.staging().reserve(size) {
                 return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
             }
             let bytes = data.as_ref();
             let staged = acceptance::check_digest(bytes, digest)
                 .and_then(|()| acceptance::inspect(bytes, &film))
                 .map_err(FarmError::from)
-                .and_then(|header| Ok((header, blobs.stage(digest, bytes)?)));
-            let mut state = shared.lock();
+                .and_then(|header| Ok((header, surroundings.blobs.stage(digest, bytes)?)));
+            let mut staging = surroundings.staging();
             match staged {
                 Ok((header, file)) => {
                     let image = StagedImage {
@@ -73,11 +73,11 @@ impl Farm {
                         since: shared.now(),
                         publishing: false,
                     };
-                    state.staging.insert(image, &blobs);
+                    staging.insert(image, &surroundings.blobs);
                     Ok(())
                 }
                 Err(error) => {
-                    state.staging.release(size);
+                    staging.release(size);
                     Err(error)
                 }
             }
@@ -95,13 +95,13 @@ impl Farm {
         if digests.is_empty() {
             return Ok(Vec::new());
         }
-        let ledger = Arc::clone(&self.ledger);
-        let blobs = self.blobs.clone();
+        let places = self.board.places(&digests).await?;
+        let blobs = self.surroundings.blobs.clone();
         task::spawn_blocking(move || {
-            digests
-                .into_iter()
-                .map(|digest| {
-                    let place = match ledger.blob(&digest)? {
+            let known = digests.into_iter().zip(places);
+            known
+                .map(|(digest, place)| {
+                    let place = match place {
                         Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
                         _ => None,
                     };

@@ -46,6 +46,11 @@ impl Crew {
         self.sessions.get(&worker).map(String::as_str)
     }
 
+    pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
+        let sessions = self.sessions.iter();
+        sessions.map(|(worker, name)| (*worker, name.as_str()))
+    }
+
     pub fn bar(&self, name: &str) -> Option<&Bar> {
         self.records.get(name)?.bar.as_ref()
     }

@@ -21,16 +21,16 @@
 
 mod crew;
 mod judging;
-#[cfg(test)]
-mod model;
 mod operating;
 mod record;
+mod selection;
 
 pub use judging::{Refusal, Standing, Verdict};
 pub use record::{
     Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
     WorkerChange, WorkerFailure, WorkerRecord,
 };
+pub use selection::{Selection, Stage};
 
 use crate::token::{Token, WorkerId};
 use crew::Crew;
@@ -386,10 +386,27 @@ impl Queue {
         self.jobs.get(material as usize)
     }
 
-    /// Jobs that were set aside, lowest first, with what is known of each.
-    pub fn set_aside(&self) -> impl Iterator<Item = (u32, &JobRecord)> {
-        let materials = self.set_aside.iter();
-        materials.map(|material| (*material, &self.jobs[*material as usize]))
+    /// The jobs from a material on, in order.
+    pub fn jobs_from(&self, from: u32) -> impl Iterator<Item = (u32, &JobRecord)> {
+        let jobs = self.jobs.get(from as usize..).unwrap_or_default();
+        (from..).zip(jobs)
+    }
+
+    /// The materials of a selection, in order.
+    pub fn selected(&self, selection: &Selection) -> Vec<u32> {
+        let jobs = self.jobs_from(0);
+        let selected = jobs.filter(|(material, job)| selection.contains(*material, job));
+        selected.map(|(material, _)| material).collect()
+    }
+
+    /// Everybody who is there, with their names.
+    pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
+        self.crew.sessions()
+    }
+
+    /// The name of a worker that is there.
+    pub fn name(&self, worker: WorkerId) -> Option<&str> {
+        self.crew.name(worker)
     }
 
     fn state(&self, material: u32) -> Option<&JobState> {
