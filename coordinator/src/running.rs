@@ -1,6 +1,7 @@
 //! Starting and stopping a coordinator.
 
 use crate::{
+    board::BoardError,
     farm::{Farm, Progress},
     file_error::FileError,
     limits,
@@ -12,6 +13,7 @@ use crate::{
         guard::Guard,
     },
     service::{ControlService, FarmService},
+    shared_store::SharedStore,
     store::Store,
 };
 use dataset::{
@@ -129,6 +131,37 @@ pub struct RunningCoordinator {
     lock: File,
 }
 
+/// What a coordinator serves.
+pub enum AnyStore {
+    /// A folder, which is its alone.
+    Own(Box<Store>),
+    /// A database, beside other coordinators. What was set aside stays so until an operator says
+    /// otherwise: coordinators come and go.
+    Shared(Box<SharedStore>),
+}
+
+impl AnyStore {
+    /// The specification; its number of materials is the largest ever asked for.
+    pub fn specification(&self) -> &Specification {
+        match self {
+            Self::Own(store) => store.specification(),
+            Self::Shared(store) => store.specification(),
+        }
+    }
+}
+
+impl From<Store> for AnyStore {
+    fn from(store: Store) -> Self {
+        Self::Own(Box::new(store))
+    }
+}
+
+impl From<SharedStore> for AnyStore {
+    fn from(store: SharedStore) -> Self {
+        Self::Shared(Box::new(store))
+    }
+}
+
 /// Starts a coordinator over a store.
 pub struct Coordinator;
 
@@ -147,9 +180,10 @@ impl Coordinator {
 
     /// Serves `store` until [`RunningCoordinator::shutdown`]. Has to be called inside a runtime.
     pub async fn start(
-        store: Store,
+        store: impl Into<AnyStore>,
         options: Options,
     ) -> Result<RunningCoordinator, CoordinatorError> {
+        let store = store.into();
         Self::check(store.specification(), &options)?;
         let listen = options.listen;
         let unable = |source| CoordinatorError::Listen {
@@ -355,8 +389,16 @@ async fn serve_metrics(
 }
 
 async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
-    // Ends with the store as well: nothing can be recorded then.
-    while let Ok(pause) = farm.sweep().await {
+    loop {
+        let pause = match farm.sweep().await {
+            Ok(pause) => pause,
+            // The store is closed: nothing can be recorded.
+            Err(BoardError::NotDurable(_)) => return,
+            Err(error) => {
+                tracing::warn!(%error, "leases that ran out cannot be looked for");
+                limits::SWEEP_INTERVAL_MAX
+            }
+        };
         tokio::select! {
             () = sleep(pause) => {}
             _ = stopping.wait_for(|stopping| *stopping) => return,

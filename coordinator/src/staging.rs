@@ -81,6 +81,15 @@ impl Staging {
         files
     }
 
+    /// Keeps images that could not be published.
+    pub fn not_published(&mut self, files: &[StagedFile]) {
+        for file in files {
+            if let Some(image) = self.images.get_mut(&file.digest) {
+                image.publishing = false;
+            }
+        }
+    }
+
     /// Forgets images that have been published.
     pub fn published(&mut self, files: &[StagedFile]) {
         for file in files {

@@ -10,7 +10,7 @@
 
 mod local;
 #[cfg(test)]
-mod model;
+pub(crate) mod model;
 mod surroundings;
 
 pub(crate) use local::LocalBoard;
@@ -19,6 +19,7 @@ pub(crate) use surroundings::Surroundings;
 use crate::{
     commit::NotDurable,
     completion::Completion,
+    file_error::FileError,
     ledger::{BlobPlace, LedgerError},
     queue::{
         BarCause, Changes, Counts, Holder, JobRecord, LostLease, Mode, Refusal, Selection,
@@ -40,6 +41,10 @@ pub(crate) enum BoardError {
     NotDurable(#[from] NotDurable),
     #[error(transparent)]
     Ledger(#[from] LedgerError),
+    #[error(transparent)]
+    File(#[from] FileError),
+    #[error("the database is away: {0}")]
+    Unavailable(String),
     #[error("the operation was interrupted")]
     Interrupted,
 }

@@ -26,9 +26,9 @@ use std::{
 use tempfile::TempDir;
 use tokio::runtime;
 
-pub(super) const MATERIALS: u32 = 12;
+pub(crate) const MATERIALS: u32 = 12;
 const WORKERS: u8 = 5;
-pub(super) const POLICY: Policy = Policy {
+pub(crate) const POLICY: Policy = Policy {
     lease: Duration::from_secs(10),
     stall: Duration::from_secs(25),
     deadline: Duration::from_secs(60),
@@ -42,7 +42,7 @@ pub(super) const POLICY: Policy = Policy {
 
 /// Tokens are named by the order they were given out in, so that operations can show old ones.
 #[derive(Clone, Debug)]
-pub(super) enum Operation {
+pub(crate) enum Operation {
     Admit {
         worker: u8,
     },
@@ -99,7 +99,7 @@ pub(super) enum Operation {
     },
 }
 
-pub(super) fn operation() -> impl Strategy<Value = Operation> {
+pub(crate) fn operation() -> impl Strategy<Value = Operation> {
     let materials = || prop::collection::vec(0..MATERIALS + 2, 0..4);
     let mode = prop_oneof![
         6 => Just(Mode::Running), 1 => Just(Mode::Paused), 1 => Just(Mode::Draining)
@@ -195,7 +195,7 @@ impl ModelJob {
 
 /// Where boards are opened, each over what the one before kept.
 #[tonic::async_trait]
-pub(super) trait Place: Send {
+pub(crate) trait Place: Send {
     /// Opens a board; the one before is gone.
     async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
 
@@ -870,7 +870,7 @@ fn state(model: &ModelJob) -> JobState {
 }
 
 /// Does operations on a new board, and checks it after each.
-pub(super) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
+pub(crate) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
     let runtime = runtime::Builder::new_current_thread().enable_all().build();
     runtime.unwrap().block_on(async {
         let mut bench = Bench::new(place).await;
@@ -883,7 +883,7 @@ pub(super) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
 }
 
 /// Settings of a test of `cases` runs.
-pub(super) fn runs(cases: u32) -> ProptestConfig {
+pub(crate) fn runs(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,
         failure_persistence: None,

@@ -8,6 +8,8 @@ use crate::{
 use std::sync::{Mutex, MutexGuard, PoisonError, atomic::AtomicU64};
 use tokio::sync::Notify;
 
+type Changed = dyn Fn(&Surroundings, Overview) + Send + Sync;
+
 /// Shared by a board and its farm. A board counts before it tells how the jobs stand, so that what
 /// is told and what is counted agree.
 pub(crate) struct Surroundings {
@@ -21,7 +23,7 @@ pub(crate) struct Surroundings {
     /// Leases that ran out since the start.
     pub leases_lost: AtomicU64,
     staging: Mutex<Staging>,
-    changed: Box<dyn Fn(&Self, Overview) + Send + Sync>,
+    changed: Box<Changed>,
 }
 
 impl Surroundings {

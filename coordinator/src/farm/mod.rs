@@ -17,13 +17,16 @@ pub(crate) use events::Event;
 pub(crate) use operating::WorkerReport;
 
 use crate::{
+    blobs::Blobs,
     board::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings},
     limits,
     metrics::Metrics,
+    postgres::{PostgresBoard, Presence},
     queue::{Counts, Policy, Queue, Selection, Stage},
     rate::Rate,
     roster::Roster,
-    running::Options,
+    running::{AnyStore, Options},
+    shared_store::SharedStore,
     store::Store,
 };
 use dataset::{Digest, Specification};
@@ -122,13 +125,12 @@ impl Shared {
 impl Farm {
     /// The farm over a store. The file returned is the store's lock: let go of it last.
     pub async fn start(
-        store: Store,
+        store: AnyStore,
         options: &Options,
         metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
     ) -> Result<(Self, File), FarmError> {
         let specification = store.specification().clone();
-        let specification_hash = store.specification_hash();
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
                 overview: Overview::default(),
@@ -140,37 +142,16 @@ impl Farm {
             views: specification.views.len() as u64,
             started: Instant::now(),
         });
-        let mut queue = Queue::new(store.materials_asked(), options.policy);
-        let (blobs, recovered, lock) = store.into_parts();
-        queue.restore(recovered.kept, Duration::ZERO);
-        let told = Arc::clone(&shared);
-        let surroundings = Arc::new(Surroundings::new(blobs, move |around, overview| {
-            let mut state = told.lock();
-            state.overview = overview;
-            told.publish(&state, around);
-        }));
-        let started = shared.started;
-        let board = LocalBoard::start(
-            queue,
-            recovered.log,
-            Arc::new(recovered.ledger),
-            Arc::clone(&metrics),
-            Arc::clone(&surroundings),
-            Box::new(move || started.elapsed()),
-        )?;
-        if options.retry_set_aside {
-            let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
-            board.order(JobsOrder::Retry, &set_aside).await?;
-        }
-        if !options.keep_leases {
-            board.release_all().await?;
-        }
+        let (board, surroundings, lock) = match store {
+            AnyStore::Own(store) => own_board(*store, options, &metrics, &shared).await?,
+            AnyStore::Shared(store) => shared_board(*store, options, &metrics, &shared).await?,
+        };
         let farm = Self {
+            specification_hash: specification.hash(),
             specification,
-            specification_hash,
             policy: options.policy,
             shared,
-            board: Arc::new(board),
+            board,
             surroundings,
             uploads: Arc::new(Semaphore::new(limits::UPLOADS_AT_ONCE_MAX)),
             checks_per_million: options.checks_per_million,
@@ -205,6 +186,65 @@ impl Farm {
     fn tell(&self, event: Event) {
         self.shared.events.tell(event);
     }
+}
+
+/// A board, what it shares with its farm, and the lock of its store.
+type Opened = (Arc<dyn Board>, Arc<Surroundings>, File);
+
+async fn own_board(
+    store: Store,
+    options: &Options,
+    metrics: &Arc<Metrics>,
+    shared: &Arc<Shared>,
+) -> Result<Opened, FarmError> {
+    let mut queue = Queue::new(store.materials_asked(), options.policy);
+    let (blobs, recovered, lock) = store.into_parts();
+    queue.restore(recovered.kept, Duration::ZERO);
+    let surroundings = surroundings(blobs, shared);
+    let started = shared.started;
+    let board = LocalBoard::start(
+        queue,
+        recovered.log,
+        Arc::new(recovered.ledger),
+        Arc::clone(metrics),
+        Arc::clone(&surroundings),
+        Box::new(move || started.elapsed()),
+    )?;
+    if options.retry_set_aside {
+        let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
+        board.order(JobsOrder::Retry, &set_aside).await?;
+    }
+    if !options.keep_leases {
+        board.release_all().await?;
+    }
+    Ok((Arc::new(board), surroundings, lock))
+}
+
+async fn shared_board(
+    store: SharedStore,
+    options: &Options,
+    metrics: &Arc<Metrics>,
+    shared: &Arc<Shared>,
+) -> Result<Opened, FarmError> {
+    let surroundings = surroundings(store.blobs, shared);
+    let board = PostgresBoard::new(
+        store.database,
+        options.policy,
+        Presence::default(),
+        Arc::clone(metrics),
+        Arc::clone(&surroundings),
+    );
+    board.look().await?;
+    Ok((Arc::new(board), surroundings, store.staging_lock))
+}
+
+fn surroundings(blobs: Blobs, shared: &Arc<Shared>) -> Arc<Surroundings> {
+    let told = Arc::clone(shared);
+    Arc::new(Surroundings::new(blobs, move |around, overview| {
+        let mut state = told.lock();
+        state.overview = overview;
+        told.publish(&state, around);
+    }))
 }
 
 fn random<const BYTES: usize>() -> Result<[u8; BYTES], FarmError> {

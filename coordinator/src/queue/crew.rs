@@ -134,6 +134,10 @@ impl Crew {
         lifted.collect()
     }
 
+    pub fn bar_end(&self, name: &str) -> Option<Duration> {
+        self.bar_ends.get(name).copied()
+    }
+
     pub fn next_bar_end(&self) -> Option<Duration> {
         self.bar_ends.values().min().copied()
     }

@@ -35,6 +35,16 @@ impl Selection {
         Self { ranges, stages }
     }
 
+    /// Whether it has jobs of a stage.
+    pub fn has_stage(&self, stage: Stage) -> bool {
+        self.stages.is_empty() || self.stages.contains(&stage)
+    }
+
+    /// First and last material of each range, ordered by the first; none stands for all.
+    pub fn ranges(&self) -> &[(u32, u32)] {
+        &self.ranges
+    }
+
     /// Whether it has this job.
     pub fn contains(&self, material: u32, job: &JobRecord) -> bool {
         let before = self.ranges.partition_point(|(first, _)| *first <= material);
@@ -44,8 +54,7 @@ impl Selection {
                 .iter()
                 .any(|(_, last)| material <= *last)
         };
-        (self.stages.is_empty() || self.stages.contains(&job.state.stage()))
-            && (self.ranges.is_empty() || in_range())
+        self.has_stage(job.state.stage()) && (self.ranges.is_empty() || in_range())
     }
 }
 

@@ -73,6 +73,9 @@ fn board_kind(error: &BoardError) -> (Code, &'static str) {
         BoardError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
         BoardError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
         BoardError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
+        BoardError::Unavailable(_) => (Code::Unavailable, "DATABASE_AWAY"),
+        BoardError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
+        BoardError::File(_) => (Code::Internal, "SYSTEM"),
         BoardError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
         BoardError::Ledger(_) => (Code::Internal, "SYSTEM"),
     }
