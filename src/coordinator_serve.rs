@@ -6,7 +6,8 @@ use crate::plural::count;
 use crate::{shutdown, specification};
 use clap::{Args, Subcommand};
 use coordinator::security::{Security, Tls};
-use coordinator::{Coordinator, Policy, Store};
+use coordinator::{AnyStore, Coordinator, Policy, SharedStore, Store};
+use dataset::Specification;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -27,9 +28,18 @@ pub enum Command {
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
-    /// The folder that images, labels and ledger live in
-    #[arg(long, default_value = "store", value_name = "DIR")]
+    /// The folder that images, labels and ledger live in; or, for any number of coordinators, the
+    /// PostgreSQL database of labels and ledger. Its password comes from PGPASSWORD or a password
+    /// file
+    #[arg(
+        long,
+        default_value = "store",
+        value_name = "DIR|postgres://USER@HOST/DATABASE"
+    )]
     store: PathBuf,
+    /// The folder of the images where --store is a database: all coordinators have to reach it
+    #[arg(long, value_name = "DIR")]
+    blobs: Option<PathBuf>,
     /// Where to listen; port 0 takes a free one. The URL for workers is printed
     #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
@@ -66,12 +76,35 @@ pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
     let for_coordinator = options.for_coordinator()?;
     Coordinator::check(&specification, &for_coordinator)?;
-    let store = Store::open_or_create(&options.store, &specification)?;
     let runtime = tokio::runtime::Runtime::new()?;
-    runtime.block_on(serve(options, for_coordinator, store))
+    let (store, name) = runtime.block_on(options.open_store(&specification))?;
+    runtime.block_on(serve(options, for_coordinator, store, &name))
 }
 
 impl Options {
+    /// The store, and its name, which never has a password in it.
+    async fn open_store(
+        &self,
+        specification: &Specification,
+    ) -> anyhow::Result<(AnyStore, String)> {
+        let url = self
+            .store
+            .to_str()
+            .filter(|name| SharedStore::is_named_by(name));
+        if let Some(url) = url {
+            let blobs = self.blobs.as_deref();
+            let store = SharedStore::open_or_create(url, specification, blobs).await?;
+            let name = store.name().to_owned();
+            return Ok((store.into(), name));
+        }
+        if self.blobs.is_some() {
+            let reason = "--blobs: a store in a folder has its images there";
+            return Err(BadInput(reason.to_owned()).into());
+        }
+        let store = Store::open_or_create(&self.store, specification)?;
+        Ok((store.into(), self.store.display().to_string()))
+    }
+
     fn for_coordinator(&self) -> anyhow::Result<coordinator::Options> {
         Ok(coordinator::Options {
             listen: self.listen,
@@ -126,7 +159,8 @@ fn percent(text: &str) -> Result<f64, String> {
 async fn serve(
     options: &Options,
     for_coordinator: coordinator::Options,
-    store: Store,
+    store: AnyStore,
+    name: &str,
 ) -> anyhow::Result<()> {
     raise_open_files();
     let mut asked = shutdown::flag()?;
@@ -152,11 +186,10 @@ async fn serve(
     coordinator.shutdown().await;
     let told = writeln!(
         io::stdout(),
-        "{} of {} complete, {} in {}",
+        "{} of {} complete, {} in {name}",
         progress.counts.completed,
         count(progress.counts.materials, "material"),
         count(progress.images, "image"),
-        options.store.display()
     );
     // A failure counts even where nobody reads the summary any more.
     outcome?;

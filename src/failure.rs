@@ -1,6 +1,7 @@
 //! What a failure tells the shell.
 
-use coordinator::{CoordinatorError, StoreError};
+use coordinator::shared_store::DatabaseError;
+use coordinator::{CoordinatorError, SharedStoreError, StoreError};
 use dataset::{IndexListError, SpecificationError};
 use export::ExportError;
 use std::error::Error;
@@ -67,6 +68,15 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
                 StoreError::Absent(_)
                     | StoreError::Occupied { .. }
                     | StoreError::Specification { .. }
+            )
+        )
+        || matches!(
+            cause.downcast_ref(),
+            Some(
+                SharedStoreError::Specification { .. }
+                    | SharedStoreError::BlobsUnknown(_)
+                    | SharedStoreError::Blobs { .. }
+                    | SharedStoreError::Database(DatabaseError::Name(_) | DatabaseError::Tls(_))
             )
         )
         || matches!(

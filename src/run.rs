@@ -173,7 +173,7 @@ async fn render(options: &Options, store: Store, workers: usize) -> anyhow::Resu
     while working.join_next().await.is_some() {}
     bar.clear();
     let progress = *coordinator.progress().borrow();
-    for (material, errors) in coordinator.set_aside() {
+    for (material, errors) in coordinator.set_aside().await? {
         tracing::warn!(material, ?errors, "set aside");
     }
     coordinator.shutdown().await;

@@ -6,6 +6,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 deploy/fetch-embree.sh
+deploy/install-postgres.sh
 tests/clients/install.sh
 
 log="$(mktemp)"

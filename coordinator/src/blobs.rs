@@ -24,6 +24,7 @@ use std::{
 #[derive(Clone, Debug)]
 pub struct Blobs {
     root: PathBuf,
+    staging: PathBuf,
     staged: Arc<AtomicU64>,
 }
 
@@ -39,8 +40,15 @@ pub struct StagedFile {
 impl Blobs {
     /// The images of the store in `root`; touches nothing.
     pub fn new(root: &Path) -> Self {
+        Self::staged_in(root, root.join("staging"))
+    }
+
+    /// The same, with uploads staged in a folder on the same file system that nobody else stages
+    /// in.
+    pub fn staged_in(root: &Path, staging: PathBuf) -> Self {
         Self {
             root: root.to_owned(),
+            staging,
             staged: Arc::default(),
         }
     }
@@ -48,7 +56,7 @@ impl Blobs {
     /// Makes the folders and drops what a process before this one staged. Only for the process
     /// that holds the store's lock.
     pub fn prepare(&self) -> Result<(), FileError> {
-        let staging = self.staging();
+        let staging = self.staging.clone();
         match fs::remove_dir_all(&staging) {
             Err(error) if error.kind() != io::ErrorKind::NotFound => {
                 return Err(FileError::new("clear", &staging)(error));
@@ -64,7 +72,7 @@ impl Blobs {
     /// Writes an image into staging, without syncing.
     pub fn stage(&self, digest: Digest, bytes: &[u8]) -> Result<StagedFile, FileError> {
         let number = self.staged.fetch_add(1, Ordering::Relaxed);
-        let path = self.staging().join(format!("{number}.exr"));
+        let path = self.staging.join(format!("{number}.exr"));
         let written = File::create_new(&path).and_then(|mut file| file.write_all(bytes));
         if let Err(error) = written {
             // The error that counts is the first; a leftover is cleared at the next start.
@@ -148,10 +156,6 @@ impl Blobs {
             .and_then(|file| file.take(bytes + 1).read_to_end(&mut content))
             .map_err(FileError::new("read", &path))?;
         Ok(content)
-    }
-
-    fn staging(&self) -> PathBuf {
-        self.root.join("staging")
     }
 }
 

@@ -52,9 +52,16 @@ struct Submission {
 
 /// The commit thread's address.
 pub(crate) struct Committer {
-    submissions: Mutex<Option<mpsc::Sender<Submission>>>,
+    submissions: Mutex<Option<Address>>,
     thread: Mutex<Option<JoinHandle<()>>>,
     failure: watch::Receiver<Option<String>>,
+}
+
+enum Address {
+    Thread(mpsc::Sender<Submission>),
+    /// Whoever submits writes.
+    #[cfg(test)]
+    Here(Box<Writer>),
 }
 
 /// A transition under way to durability.
@@ -98,10 +105,27 @@ impl Committer {
                 source: io::Error::other(source),
             })?;
         Ok(Self {
-            submissions: Mutex::new(Some(submissions)),
+            submissions: Mutex::new(Some(Address::Thread(submissions))),
             thread: Mutex::new(Some(thread)),
             failure,
         })
+    }
+
+    /// Writes each transition where it is submitted: a test of many small ones would spend its
+    /// time on waking the thread.
+    #[cfg(test)]
+    pub fn without_thread(blobs: Blobs, log: CompletionLog, ledger: Arc<dyn Ledger>) -> Self {
+        let writer = Writer {
+            blobs,
+            log,
+            ledger,
+            metrics: Arc::default(),
+        };
+        Self {
+            submissions: Mutex::new(Some(Address::Here(Box::new(writer)))),
+            thread: Mutex::new(None),
+            failure: watch::channel(None).1,
+        }
     }
 
     /// Hands a transition over; never waits. Whoever calls holds the lock over the state that the
@@ -113,10 +137,16 @@ impl Committer {
             durable,
         };
         let submissions = self.submissions.lock();
-        let sent = submissions
-            .unwrap_or_else(PoisonError::into_inner)
-            .as_ref()
-            .is_some_and(|submissions| submissions.send(submission).is_ok());
+        let sent = match &mut *submissions.unwrap_or_else(PoisonError::into_inner) {
+            Some(Address::Thread(thread)) => thread.send(submission).is_ok(),
+            #[cfg(test)]
+            Some(Address::Here(writer)) => {
+                let mut batch = Batch::default();
+                batch.add(submission.transition);
+                writer.write(&batch).is_ok() && submission.durable.send(()).is_ok()
+            }
+            None => false,
+        };
         Pending {
             durable: sent.then_some(receiver),
             failure: self.failure.clone(),

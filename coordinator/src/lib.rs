@@ -3,10 +3,13 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`queue`] | the jobs' state machine: no sockets, no clock, no input or output |
+//! | `board` | every transition of the queue, made durable |
 //! | [`ledger`] | jobs, completions and the index of images, in sled |
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
 //! | [`blobs`] | images by digest |
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
+//! | `postgres` | the board on PostgreSQL, for any number of coordinators |
+//! | [`shared_store`] | a database, and a folder of images, that they share |
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`verify`] | every image present, intact and what it says it is |
 //! | [`repair`] | what `verify` finds is rendered again |
@@ -18,6 +21,7 @@
 
 pub mod acceptance;
 pub mod blobs;
+mod board;
 mod commit;
 mod completion;
 pub mod completion_log;
@@ -27,6 +31,7 @@ pub mod garbage;
 pub mod ledger;
 pub mod limits;
 mod metrics;
+mod postgres;
 pub mod queue;
 mod rate;
 mod recovery;
@@ -35,6 +40,7 @@ mod roster;
 mod running;
 pub mod security;
 mod service;
+pub mod shared_store;
 mod staging;
 pub mod store;
 pub mod token;
@@ -45,5 +51,6 @@ pub use farm::Progress;
 pub use file_error::FileError;
 pub use queue::Policy;
 pub use recovery::Recovery;
-pub use running::{Coordinator, CoordinatorError, Options, RunningCoordinator, Services};
+pub use running::{AnyStore, Coordinator, CoordinatorError, Options, RunningCoordinator, Services};
+pub use shared_store::{SharedStore, SharedStoreError};
 pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};

@@ -104,3 +104,25 @@ pub const STOP_GRACE: Duration = Duration::from_secs(5);
 
 /// Bytes that surround the pixels of an image: header, attributes, chunk table.
 pub const IMAGE_OVERHEAD_BYTES_MAX: u64 = 64 << 10;
+
+/// Connections of one coordinator to its database.
+pub const DATABASE_CONNECTIONS_MAX: usize = 12;
+
+/// How long a call waits for a connection to the database.
+pub const DATABASE_CONNECT_WAIT: Duration = Duration::from_secs(5);
+
+/// How long a database may leave what was sent to it unanswered by its machine.
+pub const DATABASE_SILENCE_MAX: Duration = Duration::from_secs(20);
+
+/// Attempts at a transaction that others stand in the way of.
+pub const DATABASE_ATTEMPTS_MAX: u32 = 5;
+
+/// Completions that one transaction makes durable together.
+pub const DATABASE_BATCH_MAX: usize = 256;
+
+/// Jobs that one transaction of an operator's order, or of a sweep, changes.
+pub const DATABASE_PAGE_MAX: i64 = 10_000;
+
+/// How long nobody may look for leases that ran out before all get their full time again; less
+/// where leases are short.
+pub const SWEEP_GAP_MAX: Duration = Duration::from_secs(15);

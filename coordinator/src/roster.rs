@@ -5,29 +5,26 @@ use std::{collections::HashMap, time::Duration};
 
 /// One registration.
 pub(crate) struct Member {
-    pub name: String,
     pub seen: Duration,
     /// Materials completed since it registered here.
     pub completed: u64,
 }
 
-/// When each worker was last heard of. Kept in memory alone: after a restart workers register
-/// again, under the ids they have.
+/// When each worker last called this process. Kept in memory alone.
 #[derive(Default)]
 pub(crate) struct Roster {
     members: HashMap<WorkerId, Member>,
 }
 
 impl Roster {
-    /// Adds a worker, or renames it. False when there are too many.
-    pub fn register(&mut self, worker: WorkerId, name: String, now: Duration) -> bool {
+    /// Adds a worker. False when there are too many.
+    pub fn register(&mut self, worker: WorkerId, now: Duration) -> bool {
         if self.members.len() >= limits::WORKERS_MAX && !self.members.contains_key(&worker) {
             return false;
         }
         let before = self.members.get(&worker);
         let completed = before.map_or(0, |member| member.completed);
         let member = Member {
-            name,
             seen: now,
             completed,
         };
@@ -41,12 +38,6 @@ impl Roster {
         member.map(|member| member.seen = now).is_some()
     }
 
-    /// A worker's name; empty where it is not registered.
-    pub fn name(&self, worker: WorkerId) -> String {
-        let member = self.members.get(&worker);
-        member.map_or_else(String::new, |member| member.name.clone())
-    }
-
     /// Counts a completion.
     pub fn note_completion(&mut self, worker: WorkerId) {
         if let Some(member) = self.members.get_mut(&worker) {
@@ -54,9 +45,9 @@ impl Roster {
         }
     }
 
-    /// Takes a worker out; its name, if it was in.
-    pub fn remove(&mut self, worker: WorkerId) -> Option<String> {
-        Some(self.members.remove(&worker)?.name)
+    /// Takes a worker out.
+    pub fn remove(&mut self, worker: WorkerId) {
+        self.members.remove(&worker);
     }
 
     /// Workers heard of lately.
@@ -65,28 +56,16 @@ impl Roster {
         members.filter(|member| is_present(member, now)).count() as u32
     }
 
-    /// Everybody who is in.
-    pub fn members(&self) -> impl Iterator<Item = (WorkerId, &Member)> {
-        self.members
-            .iter()
-            .map(|(worker, member)| (*worker, member))
+    /// What is known of a worker, if it is in.
+    pub fn member(&self, worker: WorkerId) -> Option<&Member> {
+        self.members.get(&worker)
     }
 
-    /// Forgets workers that were not heard of and hold nothing, and says which.
-    pub fn forget_absent(
-        &mut self,
-        now: Duration,
-        holds: impl Fn(WorkerId) -> bool,
-    ) -> Vec<WorkerId> {
-        let absent = self.members.iter();
-        let absent = absent
-            .filter(|(worker, member)| !is_present(member, now) && !holds(**worker))
-            .map(|(worker, _)| *worker);
-        let absent: Vec<WorkerId> = absent.collect();
-        for worker in &absent {
-            self.members.remove(worker);
-        }
-        absent
+    /// Workers that were not heard of lately.
+    pub fn absent(&self, now: Duration) -> Vec<WorkerId> {
+        let members = self.members.iter();
+        let absent = members.filter(|(_, member)| !is_present(member, now));
+        absent.map(|(worker, _)| *worker).collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Starting and stopping a coordinator.
 
 use crate::{
+    board::BoardError,
     farm::{Farm, Progress},
     file_error::FileError,
     limits,
@@ -12,6 +13,7 @@ use crate::{
         guard::Guard,
     },
     service::{ControlService, FarmService},
+    shared_store::SharedStore,
     store::Store,
 };
 use dataset::{
@@ -141,6 +143,37 @@ pub struct Services<F, C> {
     _lock: File,
 }
 
+/// What a coordinator serves.
+pub enum AnyStore {
+    /// A folder, which is its alone.
+    Own(Box<Store>),
+    /// A database, beside other coordinators. What was set aside stays so until an operator says
+    /// otherwise: coordinators come and go.
+    Shared(Box<SharedStore>),
+}
+
+impl AnyStore {
+    /// The specification; its number of materials is the largest ever asked for.
+    pub fn specification(&self) -> &Specification {
+        match self {
+            Self::Own(store) => store.specification(),
+            Self::Shared(store) => store.specification(),
+        }
+    }
+}
+
+impl From<Store> for AnyStore {
+    fn from(store: Store) -> Self {
+        Self::Own(Box::new(store))
+    }
+}
+
+impl From<SharedStore> for AnyStore {
+    fn from(store: SharedStore) -> Self {
+        Self::Shared(Box::new(store))
+    }
+}
+
 /// Starts a coordinator over a store.
 pub struct Coordinator;
 
@@ -160,13 +193,15 @@ impl Coordinator {
     /// The services over `store`, to be called without a network; fuzzing does so.
     ///
     /// # Errors
-    /// When the system starts no thread.
-    pub fn services(
-        store: Store,
+    /// When the store cannot be worked with.
+    pub async fn services(
+        store: impl Into<AnyStore>,
         options: &Options,
-    ) -> Result<Services<impl proto::Farm, impl proto::Control>, FileError> {
+    ) -> Result<Services<impl proto::Farm, impl proto::Control>, CoordinatorError> {
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, options, Arc::default(), stopping)?;
+        let (farm, lock) = Farm::start(store.into(), options, Arc::default(), stopping)
+            .await
+            .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
         Ok(Services {
             farm: FarmService {
@@ -180,9 +215,10 @@ impl Coordinator {
 
     /// Serves `store` until [`RunningCoordinator::shutdown`]. Has to be called inside a runtime.
     pub async fn start(
-        store: Store,
+        store: impl Into<AnyStore>,
         options: Options,
     ) -> Result<RunningCoordinator, CoordinatorError> {
+        let store = store.into();
         Self::check(store.specification(), &options)?;
         let listen = options.listen;
         let unable = |source| CoordinatorError::Listen {
@@ -207,7 +243,9 @@ impl Coordinator {
             None => "http",
         };
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())?;
+        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())
+            .await
+            .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
         let mut tasks = JoinSet::new();
         if let Some(listener) = metrics_listener {
@@ -253,7 +291,7 @@ impl RunningCoordinator {
             _ = failure.wait_for(Option::is_some) => {}
         }
         let settled = self.farm.settled().await;
-        settled.map_err(|error| CoordinatorError::Store(error.0.unwrap_or_default()))?;
+        settled.map_err(|error| CoordinatorError::Store(error.to_string()))?;
         Ok(*self.farm.progress().borrow())
     }
 
@@ -278,8 +316,9 @@ impl RunningCoordinator {
     }
 
     /// Materials set aside, the first few, with their errors.
-    pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
-        self.farm.set_aside()
+    pub async fn set_aside(&self) -> Result<Vec<(u32, Vec<String>)>, CoordinatorError> {
+        let set_aside = self.farm.set_aside().await;
+        set_aside.map_err(|error| CoordinatorError::Store(error.to_string()))
     }
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the
@@ -385,8 +424,16 @@ async fn serve_metrics(
 }
 
 async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
-    // Ends with the store as well: nothing can be recorded then.
-    while let Ok(pause) = farm.sweep().await {
+    loop {
+        let pause = match farm.sweep().await {
+            Ok(pause) => pause,
+            // The store is closed: nothing can be recorded.
+            Err(BoardError::NotDurable(_)) => return,
+            Err(error) => {
+                tracing::warn!(%error, "leases that ran out cannot be looked for");
+                limits::SWEEP_INTERVAL_MAX
+            }
+        };
         tokio::select! {
             () = sleep(pause) => {}
             _ = stopping.wait_for(|stopping| *stopping) => return,

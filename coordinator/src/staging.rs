@@ -2,6 +2,7 @@
 
 use crate::{
     blobs::{Blobs, StagedFile},
+    completion::Completion,
     limits,
 };
 use dataset::{Digest, ImageHeader};
@@ -57,19 +58,36 @@ impl Staging {
         }
     }
 
-    pub fn get(&self, digest: &Digest) -> Option<&StagedImage> {
-        self.images.get(digest)
+    /// An image that a completion names; it is kept as if it had just been staged.
+    pub fn touch(&mut self, digest: &Digest, now: Duration) -> Option<&StagedImage> {
+        let image = self.images.get_mut(digest)?;
+        image.since = now;
+        Some(image)
     }
 
     pub fn contains(&self, digest: &Digest) -> bool {
         self.images.contains_key(digest)
     }
 
-    /// Marks an image as part of a completion and returns its file.
-    pub fn begin_publishing(&mut self, digest: &Digest) -> Option<StagedFile> {
-        let image = self.images.get_mut(digest)?;
-        image.publishing = true;
-        Some(image.file.clone())
+    /// Marks the images of a completion that are staged and returns their files.
+    pub fn begin_publishing(&mut self, completion: &Completion) -> Vec<StagedFile> {
+        let mut files = Vec::new();
+        for view in &completion.views {
+            if let Some(image) = self.images.get_mut(&view.digest) {
+                image.publishing = true;
+                files.push(image.file.clone());
+            }
+        }
+        files
+    }
+
+    /// Keeps images that could not be published.
+    pub fn not_published(&mut self, files: &[StagedFile]) {
+        for file in files {
+            if let Some(image) = self.images.get_mut(&file.digest) {
+                image.publishing = false;
+            }
+        }
     }
 
     /// Forgets images that have been published.

@@ -35,8 +35,10 @@ static LIVE: LazyLock<Live> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open_or_create(folder.path(), &SPECIFICATION).unwrap();
     let hash = SPECIFICATION.hash().as_bytes().to_vec();
-    let services = Coordinator::services(store, &Options::default()).unwrap();
     let runtime = Runtime::new().unwrap();
+    let options = Options::default();
+    let services = runtime.block_on(Coordinator::services(store, &options));
+    let services = services.unwrap();
     let token = Mutex::new(Vec::new());
     Box::new(move |bytes| {
         // One input after another, whatever threads tests have.

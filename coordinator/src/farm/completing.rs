@@ -7,10 +7,10 @@ use super::{
 };
 use crate::{
     acceptance::{self, Rejection},
-    commit::{Pending, Transition},
+    board::{Delivery, Judged},
     completion::Completion,
     ledger::BlobPlace,
-    queue::{Changes, Holder, Standing, Verdict},
+    queue::{Standing, Verdict},
     staging::StagedImage,
     token::Token,
 };
@@ -25,130 +25,84 @@ pub(crate) enum Outcome {
     Missing(Vec<Digest>),
 }
 
-/// A completion on its way to the disk.
-struct Judged {
-    verdict: Verdict,
-    holder: Option<Holder>,
-    changes: Changes,
-}
-
 impl Farm {
     /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in here.
+    /// and is what it should be. Who rendered it is filled in by the board.
     pub async fn complete(
         &self,
         token: Token,
         completion: Completion,
     ) -> Result<Outcome, FarmError> {
         self.check_completion(&completion)?;
-        let material = completion.material;
-        let unstaged = self.unstaged_images(token, &completion)?;
-        let stored = self.stored(unstaged).await?;
-        let (judged, pending) = match self.judge(token, completion, &stored)? {
-            Ok(judged) => judged,
-            Err(missing) => return Ok(Outcome::Missing(missing)),
+        let (material, bytes, seconds) =
+            (completion.material, completion.bytes(), completion.seconds);
+        let fingerprint = completion.fingerprint();
+        let standing = self.board.standing(material, token, fingerprint).await?;
+        if standing == Standing::Current {
+            let missing = self.missing_images(&completion).await?;
+            if !missing.is_empty() {
+                return Ok(Outcome::Missing(missing));
+            }
+        }
+        let draw = u64::from_ne_bytes(random()?) % 1_000_000;
+        let delivery = Delivery {
+            token,
+            completion,
+            check: draw < u64::from(self.checks_per_million),
         };
-        pending.durable().await?;
-        self.tell_judged(material, &judged);
+        let judged = self.board.complete(delivery).await?;
+        if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) =
+            (&judged.verdict, &judged.holder)
+        {
+            self.metrics.note_completion(bytes, seconds);
+            let mut state = self.shared.lock();
+            let images = self.specification.views.len() as u64;
+            state.images_completed.count(images, self.shared.now());
+            state.roster.note_completion(holder.worker);
+        }
+        self.tell_judged(material, token, &judged);
         Ok(match judged.verdict {
             Verdict::Repeated => Outcome::Repeated,
             _ => Outcome::Recorded,
         })
     }
 
-    fn unstaged_images(
-        &self,
-        token: Token,
-        completion: &Completion,
-    ) -> Result<Vec<Digest>, FarmError> {
-        let state = self.shared.lock();
-        let fingerprint = completion.fingerprint();
-        match state
-            .queue
-            .standing(completion.material, token, fingerprint)?
-        {
-            Standing::Repeated => Ok(Vec::new()),
-            Standing::Current => {
-                let digests = completion.views.iter().map(|view| view.digest);
-                Ok(digests
-                    .filter(|digest| !state.staging.contains(digest))
-                    .collect())
-            }
-        }
-    }
-
-    /// The transition itself, all under one lock; or which images are missing. Even where nothing
-    /// changes something is submitted: the first of two equal completions may still be on its way
-    /// to the disk, and the second has to wait for it.
-    fn judge(
-        &self,
-        token: Token,
-        mut completion: Completion,
-        stored: &[(Digest, Option<BlobPlace>)],
-    ) -> Result<Result<(Judged, Pending), Vec<Digest>>, FarmError> {
+    /// Which images of a completion are neither staged nor in the store.
+    ///
+    /// # Errors
+    /// When one is here and is not what it should be.
+    async fn missing_images(&self, completion: &Completion) -> Result<Vec<Digest>, FarmError> {
         let material = completion.material;
-        let fingerprint = completion.fingerprint();
         let headers =
             acceptance::expected_headers(&self.specification, self.specification_hash, material);
-        let draw = u64::from_ne_bytes(random()?) % 1_000_000;
-        let check = draw < u64::from(self.checks_per_million);
-        let mut state = self.shared.lock();
-        if state.queue.standing(material, token, fingerprint)? == Standing::Current {
-            let mut missing = Vec::new();
+        let mut unstaged = Vec::new();
+        {
+            let now = self.shared.now();
+            let mut staging = self.surroundings.staging();
             for (header, view) in headers.iter().zip(&completion.views) {
-                let place = BlobPlace {
-                    material,
-                    view: header.view,
-                    bytes: view.bytes,
-                };
-                if let Some(image) = state.staging.get(&view.digest) {
-                    check_image(image, view.bytes, header).map_err(|reason| FarmError::Image {
+                let Some(image) = staging.touch(&view.digest, now) else {
+                    let place = BlobPlace {
+                        material,
                         view: header.view,
-                        reason,
-                    })?;
-                } else if !stored.contains(&(view.digest, Some(place))) {
-                    missing.push(view.digest);
-                }
-            }
-            if !missing.is_empty() {
-                return Ok(Err(missing));
+                        bytes: view.bytes,
+                    };
+                    unstaged.push((view.digest, place));
+                    continue;
+                };
+                check_image(image, view.bytes, header).map_err(|reason| FarmError::Image {
+                    view: header.view,
+                    reason,
+                })?;
             }
         }
-        let now = self.shared.now();
-        let holder = state.queue.holder(material).cloned();
-        let (verdict, changes) = state
-            .queue
-            .complete(material, token, fingerprint, check, now)?;
-        let mut transition = Transition {
-            changes: changes.clone(),
-            ..Transition::default()
-        };
-        if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder) {
-            state.bytes_received += completion.bytes();
-            self.metrics
-                .note_completion(completion.bytes(), completion.seconds);
-            let images = completion.views.len() as u64;
-            state.images_completed.count(images, now);
-            state.roster.note_completion(holder.worker);
-            transition.images = completion
-                .views
-                .iter()
-                .filter_map(|view| state.staging.begin_publishing(&view.digest))
-                .collect();
-            completion.worker = holder.name.clone();
-            transition.completion = Some(completion);
-        }
-        self.after(&state, &changes);
-        let pending = self.committer.submit(transition);
-        let judged = Judged {
-            verdict,
-            holder,
-            changes,
-        };
-        Ok(Ok((judged, pending)))
+        let digests = unstaged.iter().map(|(digest, _)| *digest).collect();
+        let places = self.stored(digests).await?;
+        let missing = unstaged.into_iter().zip(places);
+        let missing = missing.filter(|((_, place), (_, found))| *found != Some(*place));
+        Ok(missing.map(|((digest, _), _)| digest).collect())
     }
 
-    fn tell_judged(&self, material: u32, judged: &Judged) {
+    fn tell_judged(&self, material: u32, token: Token, judged: &Judged) {
         let (kind, text) = match &judged.verdict {
             Verdict::Repeated => return,
             Verdict::Recorded => (EventKind::Completed, String::new()),
@@ -169,7 +123,7 @@ impl Farm {
         };
         let mut event = Event::new(kind).material(material).text(text);
         if let Some(holder) = &judged.holder {
-            event = event.worker(&holder.name).lease(holder.token);
+            event = event.worker(&holder.name).lease(token);
         }
         self.tell(event);
         self.tell_troubles(&judged.changes);

@@ -1,9 +1,6 @@
 //! Why an operation of the farm was not done.
 
-use crate::{
-    acceptance::Rejection, commit::NotDurable, file_error::FileError, ledger::LedgerError,
-    queue::Refusal, token::WorkerId,
-};
+use crate::{acceptance::Rejection, board::BoardError, file_error::FileError, token::WorkerId};
 use dataset::Digest;
 use thiserror::Error;
 
@@ -11,7 +8,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub(crate) enum FarmError {
     #[error(transparent)]
-    Refused(#[from] Refusal),
+    Board(#[from] BoardError),
     #[error("view {view}: {reason}")]
     Image { view: u32, reason: Rejection },
     #[error(transparent)]
@@ -35,11 +32,7 @@ pub(crate) enum FarmError {
     #[error("{0} readers watch events, and no more are admitted")]
     TooManyReaders(usize),
     #[error(transparent)]
-    NotDurable(#[from] NotDurable),
-    #[error(transparent)]
     File(#[from] FileError),
-    #[error(transparent)]
-    Ledger(#[from] LedgerError),
     #[error("the system gives no random numbers: {0}")]
     Random(getrandom::Error),
     #[error("the operation was interrupted")]

@@ -1,13 +1,7 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::{
-    acceptance,
-    blobs::Blobs,
-    ledger::{BlobPlace, Ledger},
-    limits,
-    staging::StagedImage,
-};
+use crate::{acceptance, ledger::BlobPlace, limits, staging::StagedImage};
 use dataset::Digest;
 use std::sync::Arc;
 use tokio::task;
@@ -16,10 +10,10 @@ impl Farm {
     /// Which of the digests are neither staged nor in the store.
     pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
         let unstaged: Vec<Digest> = {
-            let state = self.shared.lock();
+            let staging = self.surroundings.staging();
             digests
                 .into_iter()
-                .filter(|digest| !state.staging.contains(digest))
+                .filter(|digest| !staging.contains(digest))
                 .collect()
         };
         let places = self.stored(unstaged).await?;
@@ -51,29 +45,25 @@ impl Farm {
         }
         let permit = Arc::clone(&self.uploads).acquire_owned().await;
         let permit = permit.map_err(|_| FarmError::Interrupted)?;
-        if self.shared.lock().staging.contains(&digest) {
+        if self.find_missing(vec![digest]).await?.is_empty() {
             return Ok(());
         }
         let shared = Arc::clone(&self.shared);
-        let ledger = Arc::clone(&self.ledger);
-        let blobs = self.blobs.clone();
+        let surroundings = Arc::clone(&self.surroundings);
         let film = self.specification.image.clone();
         // The task runs to its end even when the caller goes away, so what it reserves it also
-        // gives back. All that blocks is one task: waking a thread costs as much as a small image.
+        // gives back.
         task::spawn_blocking(move || {
             let _permit = permit;
-            if stored_place(&*ledger, &blobs, &digest)?.is_some() {
-                return Ok(());
-            }
-            if !shared.lock().staging.reserve(size) {
+            if !surroundings.staging().reserve(size) {
                 return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
             }
             let bytes = data.as_ref();
             let staged = acceptance::check_digest(bytes, digest)
                 .and_then(|()| acceptance::inspect(bytes, &film))
                 .map_err(FarmError::from)
-                .and_then(|header| Ok((header, blobs.stage(digest, bytes)?)));
-            let mut state = shared.lock();
+                .and_then(|header| Ok((header, surroundings.blobs.stage(digest, bytes)?)));
+            let mut staging = surroundings.staging();
             match staged {
                 Ok((header, file)) => {
                     let image = StagedImage {
@@ -83,11 +73,11 @@ impl Farm {
                         since: shared.now(),
                         publishing: false,
                     };
-                    state.staging.insert(image, &blobs);
+                    staging.insert(image, &surroundings.blobs);
                     Ok(())
                 }
                 Err(error) => {
-                    state.staging.release(size);
+                    staging.release(size);
                     Err(error)
                 }
             }
@@ -105,27 +95,25 @@ impl Farm {
         if digests.is_empty() {
             return Ok(Vec::new());
         }
-        let ledger = Arc::clone(&self.ledger);
-        let blobs = self.blobs.clone();
+        let places = self.board.places(&digests).await?;
+        if places.iter().all(Option::is_none) {
+            // Nothing to look for on the disk: waking a thread costs as much as a small image.
+            return Ok(digests.into_iter().zip(places).collect());
+        }
+        let blobs = self.surroundings.blobs.clone();
         task::spawn_blocking(move || {
-            digests
-                .into_iter()
-                .map(|digest| Ok((digest, stored_place(&*ledger, &blobs, &digest)?)))
+            let known = digests.into_iter().zip(places);
+            known
+                .map(|(digest, place)| {
+                    let place = match place {
+                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
+                        _ => None,
+                    };
+                    Ok((digest, place))
+                })
                 .collect()
         })
         .await
         .map_err(|_| FarmError::Interrupted)?
     }
-}
-
-/// Which image of the store has this digest, if one does. Blocks.
-fn stored_place(
-    ledger: &dyn Ledger,
-    blobs: &Blobs,
-    digest: &Digest,
-) -> Result<Option<BlobPlace>, FarmError> {
-    Ok(match ledger.blob(digest)? {
-        Some(place) if blobs.size(digest)? == Some(place.bytes) => Some(place),
-        _ => None,
-    })
 }

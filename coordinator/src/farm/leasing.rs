@@ -1,35 +1,23 @@
 //! Workers come, lease, renew, fail and go.
 
 use super::{
-    Farm, FarmError, State,
+    Farm, FarmError,
     events::{Event, EventKind},
     random,
 };
 use crate::{
-    commit::NotDurable,
+    board::{BoardError, Failed, Leased, Renewal},
     limits,
-    queue::{Changes, JobState, Mode},
+    queue::{Changes, JobState},
     token::{Token, WorkerId},
 };
 use dataset::{Digest, RENDERER_VERSION};
 use proto::limits::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
-use std::time::Duration;
+use std::{collections::HashSet, time::Duration};
 use tokio::time::{Instant, timeout_at};
 
-/// What a worker that asks for work is told.
-#[derive(Debug, Default)]
-pub(crate) struct Leased {
-    pub jobs: Vec<(Token, u32)>,
-    /// Nothing is left to do, now or later.
-    pub finished: bool,
-    /// The farm is being drained.
-    pub draining: bool,
-    /// Why this worker gets nothing.
-    pub barred: Option<String>,
-}
-
 impl Farm {
-    pub fn register(
+    pub async fn register(
         &self,
         known: Option<WorkerId>,
         name: String,
@@ -53,16 +41,8 @@ impl Farm {
             Some(worker) => worker,
             None => WorkerId::from_bytes(random()?),
         };
-        let mut state = self.shared.lock();
-        let now = self.shared.now();
-        if !state.roster.register(worker, name.clone(), now) {
-            return Err(FarmError::TooManyWorkers(limits::WORKERS_MAX));
-        }
-        state.queue.admit(worker, &name);
-        // A worker of another name may be what a second rendering waits for.
-        self.shared.work.notify_waiters();
-        self.shared.publish(&state);
-        drop(state);
+        self.enroll(worker)?;
+        self.board.admit(worker, &name).await?;
         let event = Event::new(EventKind::Registered).worker(name);
         self.tell(event.text(format!("as {worker}")));
         Ok(worker)
@@ -80,63 +60,48 @@ impl Farm {
             .map(|_| Ok(Token::from_bytes(random()?)))
             .collect::<Result<Vec<Token>, FarmError>>()?;
         let mut stopping = self.stopping.clone();
+        let name = self.hear_of(worker).await?;
         loop {
             // Listening begins before looking, so that nothing is missed in between.
-            let work = self.shared.work.notified();
+            let work = self.surroundings.work.notified();
             tokio::pin!(work);
             work.as_mut().enable();
-            let (name, changes, pending) = {
-                let mut state = self.shared.lock();
-                let now = self.shared.now();
-                if !state.roster.heard_of(worker, now) {
-                    return Err(FarmError::UnknownWorker(worker));
-                }
-                if *stopping.borrow() {
-                    return Ok(Leased::default());
-                }
-                if let Some(answer) = nothing_to_wait_for(&state) {
-                    return Ok(answer);
-                }
-                let changes = state.queue.claim(worker, &tokens, now);
-                let name = state.roster.name(worker);
-                let pending = self.submit(&changes);
-                (name, changes, pending)
-            };
-            if let Some(pending) = pending {
-                pending.durable().await?;
-                let jobs: Vec<(Token, u32)> = tokens
-                    .iter()
-                    .zip(&changes.jobs)
-                    .map(|(token, change)| (*token, change.material))
-                    .collect();
-                self.metrics.note_leases(jobs.len());
-                self.tell_leased(&name, &jobs);
-                return Ok(Leased {
-                    jobs,
-                    ..Leased::default()
-                });
+            if *stopping.borrow() {
+                return Ok(Leased::default());
+            }
+            let leased = self.board.claim(worker, &tokens).await?;
+            if !leased.jobs.is_empty() {
+                self.metrics.note_leases(leased.jobs.len());
+                self.tell_leased(&name, &leased.jobs);
+                return Ok(leased);
+            }
+            if leased.finished || leased.draining {
+                return Ok(leased);
             }
             tokio::select! {
                 woken = timeout_at(deadline, work) => if woken.is_err() {
-                    return Ok(self.waited_in_vain(&name));
+                    return Ok(leased);
                 },
                 _ = stopping.wait_for(|stopping| *stopping) => {}
             }
+            self.hear_of(worker).await?;
         }
     }
 
     /// Prolongs leases; returns the materials whose lease is lost.
-    pub fn renew(&self, worker: WorkerId, renewals: &[(Token, u32, u32)]) -> Vec<u32> {
-        let mut state = self.shared.lock();
-        let now = self.shared.now();
-        state.roster.heard_of(worker, now);
-        renewals
-            .iter()
-            .filter(|(token, material, views_done)| {
-                !state.queue.renew(*material, *token, *views_done, now)
-            })
-            .map(|(_, material, _)| *material)
-            .collect()
+    pub async fn renew(
+        &self,
+        worker: WorkerId,
+        renewals: &[Renewal],
+    ) -> Result<Vec<u32>, FarmError> {
+        self.shared
+            .lock()
+            .roster
+            .heard_of(worker, self.shared.now());
+        let renewed = self.board.renew(renewals).await?;
+        let lost = renewals.iter().zip(renewed);
+        let lost = lost.filter(|(_, renewed)| !renewed);
+        Ok(lost.map(|(renewal, _)| renewal.material).collect())
     }
 
     /// Records that a holder could not render its material. True when it is set aside now.
@@ -146,39 +111,21 @@ impl Farm {
         material: u32,
         error: String,
     ) -> Result<bool, FarmError> {
-        let (changes, name, pending) = {
-            let mut state = self.shared.lock();
-            let now = self.shared.now();
-            let holder = state.queue.holder(material);
-            let name = holder.map(|holder| holder.name.clone());
-            let changes = state.queue.fail(material, token, &error, now)?;
-            state.failures += 1;
-            let pending = self.submit(&changes);
-            self.after(&state, &changes);
-            (changes, name.unwrap_or_default(), pending)
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
-        }
+        let Failed { worker, changes } = self.board.fail(material, token, &error).await?;
         let event = Event::new(EventKind::Failed).material(material);
-        self.tell(event.worker(name).lease(token).text(error));
+        self.tell(event.worker(worker).lease(token).text(error));
         Ok(self.tell_troubles(&changes).contains(&material))
     }
 
     /// Lets a worker go; returns how many leases went back.
     pub async fn deregister(&self, worker: WorkerId) -> Result<u32, FarmError> {
-        let (name, released, pending) = {
+        let name = self.board.name(worker).await?;
+        let changes = self.board.release(worker).await?;
+        let released = changes.jobs.len() as u32;
+        {
             let mut state = self.shared.lock();
-            let changes = state.queue.release(worker, self.shared.now());
-            let name = state.roster.remove(worker);
-            state.queue.dismiss(worker);
-            let pending = self.submit(&changes);
-            self.after(&state, &changes);
-            self.shared.publish(&state);
-            (name, changes.jobs.len() as u32, pending)
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
+            state.roster.remove(worker);
+            self.publish(&state);
         }
         if let Some(name) = name {
             let event = Event::new(EventKind::Left).worker(name);
@@ -187,49 +134,71 @@ impl Farm {
         Ok(released)
     }
 
-    /// Takes back leases that ran out, lifts bars that did, and drops images that nobody
-    /// completed. Returns how long it can be before the next call.
-    pub async fn sweep(&self) -> Result<Duration, NotDurable> {
-        let (changes, lost, pending, pause) = {
-            let mut state = self.shared.lock();
-            let now = self.shared.now();
-            let (changes, lost) = state.queue.expire(now);
-            state.leases_lost += lost.len() as u64;
-            state.staging.drop_old(now, &self.blobs);
-            let State { queue, roster, .. } = &mut *state;
-            let forgotten = roster.forget_absent(now, |worker| queue.holds(worker));
-            for worker in &forgotten {
-                queue.dismiss(*worker);
-            }
-            let pending = self.submit(&changes);
-            self.after(&state, &changes);
-            if !forgotten.is_empty() {
-                self.shared.publish(&state);
-            }
-            let next = state.queue.next_expiry().unwrap_or(Duration::MAX);
-            // Leases that are handed out during the pause run out no sooner than this.
-            let longest = limits::SWEEP_INTERVAL_MAX.min(self.policy.lease);
-            let pause = next.saturating_sub(now).min(longest);
-            (changes, lost, pending, pause)
-        };
-        if let Some(pending) = pending {
-            pending.durable().await?;
+    /// Takes back leases that ran out, lifts bars that did, forgets workers that are gone, and
+    /// drops images that nobody completed. Returns how long it can be before the next call.
+    pub async fn sweep(&self) -> Result<Duration, BoardError> {
+        let now = self.shared.now();
+        {
+            let blobs = &self.surroundings.blobs;
+            self.surroundings.staging().drop_old(now, blobs);
         }
-        for lease in lost {
+        let expired = self.board.expire().await?;
+        self.forget_absent(now).await?;
+        for lease in expired.lost {
             let event = Event::new(EventKind::LeaseLost).material(lease.material);
             self.tell(event.worker(lease.holder.name).lease(lease.holder.token));
         }
-        self.tell_troubles(&changes);
-        Ok(pause)
+        self.tell_troubles(&expired.changes);
+        // Leases that are handed out during the pause run out no sooner than this.
+        let longest = limits::SWEEP_INTERVAL_MAX.min(self.policy.lease);
+        Ok(expired.next.unwrap_or(longest).min(longest))
     }
 
-    fn waited_in_vain(&self, name: &str) -> Leased {
-        let state = self.shared.lock();
-        let bar = state.queue.bar_of(name);
-        Leased {
-            barred: bar.map(|bar| bar.reason.clone()),
-            ..Leased::default()
+    /// Forgets workers that were not heard of for long and hold nothing.
+    async fn forget_absent(&self, now: Duration) -> Result<(), BoardError> {
+        let absent = self.shared.lock().roster.absent(now);
+        if absent.is_empty() {
+            return Ok(());
         }
+        let crew = self.board.crew().await?;
+        let holding = crew.sessions.iter().filter(|session| session.held > 0);
+        let holding: HashSet<WorkerId> = holding.map(|session| session.worker).collect();
+        let idle = absent
+            .into_iter()
+            .filter(|worker| !holding.contains(worker));
+        let idle: Vec<WorkerId> = idle.collect();
+        if idle.is_empty() {
+            return Ok(());
+        }
+        {
+            let mut state = self.shared.lock();
+            for worker in &idle {
+                state.roster.remove(*worker);
+            }
+        }
+        self.board.dismiss(&idle).await
+    }
+
+    /// Notes that a worker called; returns its name.
+    async fn hear_of(&self, worker: WorkerId) -> Result<String, FarmError> {
+        let now = self.shared.now();
+        let known = self.shared.lock().roster.heard_of(worker, now);
+        let name = self.board.name(worker).await?;
+        let name = name.ok_or(FarmError::UnknownWorker(worker))?;
+        if !known {
+            self.enroll(worker)?;
+        }
+        Ok(name)
+    }
+
+    fn enroll(&self, worker: WorkerId) -> Result<(), FarmError> {
+        let mut state = self.shared.lock();
+        let now = self.shared.now();
+        if !state.roster.register(worker, now) {
+            return Err(FarmError::TooManyWorkers(limits::WORKERS_MAX));
+        }
+        self.publish(&state);
+        Ok(())
     }
 
     fn tell_leased(&self, name: &str, jobs: &[(Token, u32)]) {
@@ -256,14 +225,4 @@ impl Farm {
         }
         set_aside
     }
-}
-
-fn nothing_to_wait_for(state: &State) -> Option<Leased> {
-    let finished = state.queue.is_finished();
-    let draining = state.queue.mode() == Mode::Draining;
-    (finished || draining).then(|| Leased {
-        finished,
-        draining,
-        ..Leased::default()
-    })
 }

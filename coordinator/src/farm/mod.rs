@@ -1,8 +1,8 @@
 //! What a coordinator does, without the network: one operation a call of the protocol.
 //!
-//! The state is behind one lock, which is held for microseconds and never over a wait. An operation
-//! changes the state and submits the change to the commit thread under the lock, then waits without
-//! it until the change is durable, and only then answers.
+//! Jobs are the board's. What is kept here is of this process alone: who called lately, images that
+//! wait for their completion, figures. It is behind locks that are held for microseconds and never
+//! over a wait.
 
 mod completing;
 mod error;
@@ -14,20 +14,19 @@ mod operating;
 pub(crate) use completing::Outcome;
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
-pub(crate) use operating::{Changed, Report, WorkerReport};
+pub(crate) use operating::{Report, WorkerReport};
 
 use crate::{
     blobs::Blobs,
-    commit::{Committer, NotDurable, Pending, Transition},
-    file_error::FileError,
-    ledger::Ledger,
+    board::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings},
     limits,
     metrics::Metrics,
-    queue::{Changes, Counts, Policy, Queue},
+    postgres::{PostgresBoard, Presence},
+    queue::{Counts, Policy, Queue, Selection, Stage},
     rate::Rate,
     roster::Roster,
-    running::Options,
-    staging::Staging,
+    running::{AnyStore, Options},
+    shared_store::SharedStore,
     store::Store,
 };
 use dataset::{Digest, Specification};
@@ -35,12 +34,12 @@ use events::Events;
 use std::{
     fs::File,
     num::NonZero,
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
+    sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering},
     thread,
     time::Duration,
 };
 use tokio::{
-    sync::{Notify, Semaphore, watch},
+    sync::{Semaphore, watch},
     time::Instant,
 };
 
@@ -72,21 +71,15 @@ impl Progress {
 }
 
 struct State {
-    queue: Queue,
-    staging: Staging,
+    overview: Overview,
     roster: Roster,
     // Of the images of completed materials at the start.
     bytes_before: u64,
-    bytes_received: u64,
-    failures: u64,
-    leases_lost: u64,
     images_completed: Rate,
 }
 
 struct Shared {
     state: Mutex<State>,
-    // Somebody who waits for work should look again.
-    work: Notify,
     progress: watch::Sender<Progress>,
     events: Events,
     views: u64,
@@ -99,9 +92,8 @@ pub(crate) struct Farm {
     pub specification_hash: Digest,
     pub policy: Policy,
     shared: Arc<Shared>,
-    committer: Committer,
-    ledger: Arc<dyn Ledger>,
-    blobs: Blobs,
+    board: Arc<dyn Board>,
+    surroundings: Arc<Surroundings>,
     uploads: Arc<Semaphore>,
     checks_per_million: u32,
     metrics: Arc<Metrics>,
@@ -118,83 +110,54 @@ impl Shared {
         self.started.elapsed()
     }
 
-    fn publish(&self, state: &State) {
-        let counts = state.queue.counts();
+    fn publish(&self, state: &State, surroundings: &Surroundings) {
+        let Overview {
+            counts, finished, ..
+        } = state.overview;
         self.progress.send_replace(Progress {
             counts,
             images: u64::from(counts.completed) * self.views,
-            bytes_received: state.bytes_received,
+            bytes_received: surroundings.bytes_received.load(Ordering::Relaxed),
             workers: state.roster.present(self.now()),
-            failures: state.failures,
-            leases_lost: state.leases_lost,
-            finished: state.queue.is_finished(),
+            failures: surroundings.failures.load(Ordering::Relaxed),
+            leases_lost: surroundings.leases_lost.load(Ordering::Relaxed),
+            finished,
         });
     }
 }
 
 impl Farm {
     /// The farm over a store. The file returned is the store's lock: let go of it last.
-    pub fn start(
-        store: Store,
+    pub async fn start(
+        store: AnyStore,
         options: &Options,
         metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
-    ) -> Result<(Self, File), FileError> {
+    ) -> Result<(Self, File), FarmError> {
         let specification = store.specification().clone();
-        let specification_hash = store.specification_hash();
-        let mut queue = Queue::new(store.materials_asked(), options.policy);
-        let (blobs, state, lock) = store.into_parts();
-        queue.restore(state.kept, Duration::ZERO);
-        let mut changes = Changes::default();
-        if options.retry_set_aside {
-            changes.extend(queue.retry_set_aside(Duration::ZERO));
-        }
-        if !options.keep_leases {
-            changes.extend(queue.release_all(Duration::ZERO));
-        }
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
-                queue,
-                staging: Staging::default(),
+                overview: Overview::default(),
                 roster: Roster::default(),
-                bytes_before: state.image_bytes,
-                bytes_received: 0,
-                failures: 0,
-                leases_lost: 0,
+                bytes_before: 0,
                 images_completed: Rate::default(),
             }),
-            work: Notify::new(),
             progress: watch::channel(Progress::default()).0,
             events: Events::new(),
             views: specification.views.len() as u64,
             started: Instant::now(),
         });
-        let ledger: Arc<dyn Ledger> = Arc::new(state.ledger);
-        let committed = Arc::clone(&shared);
-        let committer = Committer::start(
-            blobs.clone(),
-            state.log,
-            Arc::clone(&ledger),
-            Arc::clone(&metrics),
-            move |images| {
-                let mut state = committed.lock();
-                state.staging.published(images);
-                committed.publish(&state);
-            },
-        )?;
-        committer.submit(Transition {
-            changes,
-            ..Transition::default()
-        });
-        shared.publish(&shared.lock());
+        let (board, surroundings, lock) = match store {
+            AnyStore::Own(store) => own_board(*store, options, &metrics, &shared).await?,
+            AnyStore::Shared(store) => shared_board(*store, options, &metrics, &shared).await?,
+        };
         let farm = Self {
+            specification_hash: specification.hash(),
             specification,
-            specification_hash,
             policy: options.policy,
             shared,
-            committer,
-            ledger,
-            blobs,
+            board,
+            surroundings,
             uploads: Arc::new(Semaphore::new(uploads_at_once())),
             checks_per_million: options.checks_per_million,
             metrics,
@@ -208,35 +171,21 @@ impl Farm {
     }
 
     pub fn failure(&self) -> watch::Receiver<Option<String>> {
-        self.committer.failure()
+        self.board.failure()
     }
 
     /// Waits until all that happened so far is durable.
-    pub async fn settled(&self) -> Result<(), NotDurable> {
-        self.committer.submit(Transition::default()).durable().await
+    pub async fn settled(&self) -> Result<(), BoardError> {
+        self.board.settled().await
     }
 
-    /// Ends the commit thread when everything submitted is durable. Blocks.
+    /// Ends when everything under way is durable. Blocks.
     pub fn close(&self) {
-        self.committer.close();
+        self.board.close();
     }
 
-    /// Submits changes, if there are any. Has to be called under the lock that they were made
-    /// under.
-    fn submit(&self, changes: &Changes) -> Option<Pending> {
-        (!changes.is_empty()).then(|| {
-            self.committer.submit(Transition {
-                changes: changes.clone(),
-                ..Transition::default()
-            })
-        })
-    }
-
-    /// Wakes those who wait for a lease when there may be one, or never will be again.
-    fn after(&self, state: &State, changes: &Changes) {
-        if changes.offer_work() || state.queue.is_finished() {
-            self.shared.work.notify_waiters();
-        }
+    fn publish(&self, state: &State) {
+        self.shared.publish(state, &self.surroundings);
     }
 
     fn tell(&self, event: Event) {
@@ -249,6 +198,66 @@ impl Farm {
 fn uploads_at_once() -> usize {
     let cores = thread::available_parallelism().map_or(1, NonZero::get);
     cores.clamp(2, limits::UPLOADS_AT_ONCE_MAX)
+}
+
+/// A board, what it shares with its farm, and the lock of its store.
+type Opened = (Arc<dyn Board>, Arc<Surroundings>, File);
+
+async fn own_board(
+    store: Store,
+    options: &Options,
+    metrics: &Arc<Metrics>,
+    shared: &Arc<Shared>,
+) -> Result<Opened, FarmError> {
+    let mut queue = Queue::new(store.materials_asked(), options.policy);
+    let (blobs, recovered, lock) = store.into_parts();
+    queue.restore(recovered.kept, Duration::ZERO);
+    shared.lock().bytes_before = recovered.image_bytes;
+    let surroundings = surroundings(blobs, shared);
+    let started = shared.started;
+    let board = LocalBoard::start(
+        queue,
+        recovered.log,
+        Arc::new(recovered.ledger),
+        Arc::clone(metrics),
+        Arc::clone(&surroundings),
+        Box::new(move || started.elapsed()),
+    )?;
+    if options.retry_set_aside {
+        let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
+        board.order(JobsOrder::Retry, &set_aside).await?;
+    }
+    if !options.keep_leases {
+        board.release_all().await?;
+    }
+    Ok((Arc::new(board), surroundings, lock))
+}
+
+async fn shared_board(
+    store: SharedStore,
+    options: &Options,
+    metrics: &Arc<Metrics>,
+    shared: &Arc<Shared>,
+) -> Result<Opened, FarmError> {
+    let surroundings = surroundings(store.blobs, shared);
+    let board = PostgresBoard::new(
+        store.database,
+        options.policy,
+        Presence::default(),
+        Arc::clone(metrics),
+        Arc::clone(&surroundings),
+    );
+    board.look().await?;
+    Ok((Arc::new(board), surroundings, store.staging_lock))
+}
+
+fn surroundings(blobs: Blobs, shared: &Arc<Shared>) -> Arc<Surroundings> {
+    let told = Arc::clone(shared);
+    Arc::new(Surroundings::new(blobs, move |around, overview| {
+        let mut state = told.lock();
+        state.overview = overview;
+        told.publish(&state, around);
+    }))
 }
 
 fn random<const BYTES: usize>() -> Result<[u8; BYTES], FarmError> {

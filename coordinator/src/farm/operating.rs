@@ -5,22 +5,15 @@ use super::{
     events::{Event, EventKind},
 };
 use crate::{
+    board::{JobsOrder, JobsPage},
     ledger::BlobPlace,
-    queue::{BarCause, Changes, JobRecord, Mode, Queue, WorkerRecord},
+    queue::{BarCause, Mode, Selection, Stage, WorkerRecord},
     roster::is_present,
 };
 use dataset::Digest;
 use proto::limits::{EVENT_READERS_MAX, SET_ASIDE_LISTED_MAX, WORKERS_LISTED_MAX};
-use std::{collections::BTreeMap, sync::Arc, time::Duration};
+use std::{collections::BTreeMap, time::Duration};
 use tokio::{sync::broadcast, task};
-
-/// Which jobs an operation changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Changed {
-    Retried,
-    Cancelled,
-    Prioritized(i32),
-}
 
 /// What is known of the workers of one name.
 #[derive(Debug, Default)]
@@ -46,92 +39,65 @@ pub(crate) struct Report {
 impl Farm {
     pub fn report(&self) -> Report {
         let state = self.shared.lock();
-        self.shared.publish(&state);
+        self.publish(&state);
         let now = self.shared.now();
-        let records = state.queue.worker_records();
-        let barred = records.filter(|(_, record)| record.bar.is_some());
+        let progress = *self.shared.progress.borrow();
         Report {
-            progress: *self.shared.progress.borrow(),
-            mode: state.queue.mode(),
-            workers_barred: barred.count() as u32,
+            progress,
+            mode: state.overview.mode,
+            workers_barred: state.overview.workers_barred,
             images_per_second: state.images_completed.per_second(now),
-            store_bytes: state.bytes_before.saturating_add(state.bytes_received),
+            store_bytes: state.bytes_before.saturating_add(progress.bytes_received),
             up: now,
         }
+    }
+
+    /// The same, with the jobs as they stand at this moment.
+    pub async fn fresh_report(&self) -> Result<Report, FarmError> {
+        self.board.look().await?;
+        Ok(self.report())
     }
 
     /// What Prometheus is told.
     pub fn metrics_text(&self) -> String {
         let report = self.report();
-        let free = self.blobs.free_bytes().unwrap_or(0);
+        let free = self.surroundings.blobs.free_bytes().unwrap_or(0);
         self.metrics.text(&report, free)
     }
 
     /// Materials set aside, the first few, with their errors.
-    pub fn set_aside(&self) -> Vec<(u32, Vec<String>)> {
-        let state = self.shared.lock();
-        let set_aside = state.queue.set_aside().take(SET_ASIDE_LISTED_MAX);
-        set_aside
-            .map(|(material, job)| {
-                let errors = job.failures.iter().map(|failure| failure.error.clone());
-                (material, errors.collect())
-            })
-            .collect()
+    pub async fn set_aside(&self) -> Result<Vec<(u32, Vec<String>)>, FarmError> {
+        let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
+        let page = self.jobs(0, SET_ASIDE_LISTED_MAX, &set_aside).await?;
+        let jobs = page.jobs.into_iter();
+        let told = jobs.map(|(material, job, _)| {
+            let errors = job.failures.into_iter().map(|failure| failure.error);
+            (material, errors.collect())
+        });
+        Ok(told.collect())
     }
 
-    /// The first `jobs_max` jobs from `from` on that are wanted, with the views that a leased one
-    /// has done, and where the next page begins.
-    pub fn jobs(
+    /// The first `jobs_max` jobs of a selection from `from` on.
+    pub async fn jobs(
         &self,
         from: u32,
         jobs_max: usize,
-        wanted: impl Fn(u32, &JobRecord) -> bool,
-    ) -> (Vec<(u32, JobRecord, u32)>, Option<u32>) {
-        let state = self.shared.lock();
-        let materials = state.queue.counts().materials;
-        let mut jobs = Vec::new();
-        for material in from..materials {
-            let Some(job) = state.queue.job(material) else {
-                break;
-            };
-            if !wanted(material, job) {
-                continue;
-            }
-            if jobs.len() == jobs_max {
-                return (jobs, Some(material));
-            }
-            let views_done = state.queue.views_done(material).unwrap_or(0);
-            jobs.push((material, job.clone(), views_done));
-        }
-        (jobs, None)
+        selection: &Selection,
+    ) -> Result<JobsPage, FarmError> {
+        Ok(self.board.jobs(from, jobs_max, selection).await?)
     }
 
-    /// Does one thing to all jobs that are wanted; returns those that it changed.
-    pub async fn change_jobs(
+    /// Does one thing to all jobs of a selection; returns those that it changed.
+    pub async fn order(
         &self,
-        change: Changed,
-        wanted: impl Fn(u32, &JobRecord) -> bool,
+        order: JobsOrder,
+        selection: &Selection,
     ) -> Result<Vec<u32>, FarmError> {
-        let changes = self.operate(|queue, now| {
-            let materials = 0..queue.counts().materials;
-            let materials: Vec<u32> = materials
-                .filter(|material| {
-                    queue
-                        .job(*material)
-                        .is_some_and(|job| wanted(*material, job))
-                })
-                .collect();
-            match change {
-                Changed::Retried => queue.retry(materials, now),
-                Changed::Cancelled => queue.cancel(materials, now),
-                Changed::Prioritized(priority) => queue.prioritize(materials, priority, now),
-            }
-        });
-        let changes = changes.await?;
-        let (kind, text) = match change {
-            Changed::Retried => (EventKind::Retried, String::new()),
-            Changed::Cancelled => (EventKind::Cancelled, String::new()),
-            Changed::Prioritized(priority) => (EventKind::Prioritized, format!("to {priority}")),
+        let changes = self.board.order(order, selection).await?;
+        let (kind, text) = match order {
+            JobsOrder::Retry => (EventKind::Retried, String::new()),
+            JobsOrder::Cancel => (EventKind::Cancelled, String::new()),
+            JobsOrder::Prioritize(priority) => (EventKind::Prioritized, format!("to {priority}")),
         };
         for change in &changes.jobs {
             self.tell(Event::new(kind).material(change.material).text(&text));
@@ -141,7 +107,7 @@ impl Farm {
 
     /// Hands out work or not. True when it was so before.
     pub async fn set_mode(&self, mode: Mode) -> Result<bool, FarmError> {
-        let changes = self.operate(|queue, _| queue.set_mode(mode)).await?;
+        let changes = self.board.set_mode(mode).await?;
         let changed = changes.mode.is_some();
         if changed {
             let text = match mode {
@@ -156,19 +122,13 @@ impl Farm {
 
     /// Gives a worker no more work. Returns how many leases were taken back.
     pub async fn bar(&self, name: &str, reason: String) -> Result<u32, FarmError> {
-        let bar = |queue: &mut Queue, now| queue.bar(name, BarCause::Operator, reason, now);
-        let changes = self.operate(bar).await?;
+        let changes = self.board.bar(name, BarCause::Operator, reason).await?;
         self.tell_troubles(&changes);
         Ok(changes.jobs.len() as u32)
     }
 
     pub async fn unbar(&self, name: &str) -> Result<(), FarmError> {
-        let unbar = |queue: &mut Queue, _| Changes {
-            workers: queue.unbar(name).into_iter().collect(),
-            ..Changes::default()
-        };
-        let changes = self.operate(unbar).await?;
-        if changes.is_empty() {
+        if self.board.unbar(name).await?.is_none() {
             return Err(FarmError::NotBarred(name.to_owned()));
         }
         self.tell(Event::new(EventKind::Unbarred).worker(name));
@@ -176,26 +136,33 @@ impl Farm {
     }
 
     /// Workers by name, those that are there before those that only have a history.
-    pub fn workers(&self) -> Vec<(String, WorkerReport)> {
-        let state = self.shared.lock();
-        let now = self.shared.now();
+    pub async fn workers(&self) -> Result<Vec<(String, WorkerReport)>, FarmError> {
+        let crew = self.board.crew().await?;
         let mut workers: BTreeMap<String, WorkerReport> = BTreeMap::new();
-        for (worker, member) in state.roster.members() {
-            let report = workers.entry(member.name.clone()).or_default();
-            let silent = now.saturating_sub(member.seen);
-            report.sessions += u32::from(is_present(member, now));
-            report.leases += state.queue.held(worker);
-            report.completed += member.completed;
-            report.silent = Some(report.silent.map_or(silent, |other| other.min(silent)));
+        {
+            let state = self.shared.lock();
+            let now = self.shared.now();
+            for session in crew.sessions {
+                let report = workers.entry(session.name).or_default();
+                report.leases += session.held;
+                // Another coordinator of this dataset may be the one that it calls.
+                let Some(member) = state.roster.member(session.worker) else {
+                    report.sessions += 1;
+                    continue;
+                };
+                let silent = now.saturating_sub(member.seen);
+                report.sessions += u32::from(is_present(member, now));
+                report.completed += member.completed;
+                report.silent = Some(report.silent.map_or(silent, |other| other.min(silent)));
+            }
         }
-        for (name, record) in state.queue.worker_records() {
-            workers.entry(name.to_owned()).or_default().record = record.clone();
+        for (name, record) in crew.records {
+            workers.entry(name).or_default().record = record;
         }
-        drop(state);
         let mut workers: Vec<(String, WorkerReport)> = workers.into_iter().collect();
         workers.sort_by_key(|(_, report)| report.sessions == 0);
         workers.truncate(WORKERS_LISTED_MAX);
-        workers
+        Ok(workers)
     }
 
     /// What happens from now on.
@@ -208,12 +175,12 @@ impl Farm {
 
     /// An image of a completed material.
     pub async fn blob(&self, digest: Digest) -> Result<Vec<u8>, FarmError> {
-        let ledger = Arc::clone(&self.ledger);
-        let blobs = self.blobs.clone();
+        let place = self.board.places(&[digest]).await?.pop().flatten();
+        let Some(BlobPlace { bytes, .. }) = place else {
+            return Err(FarmError::UnknownBlob(digest));
+        };
+        let blobs = self.surroundings.blobs.clone();
         let read = task::spawn_blocking(move || {
-            let Some(BlobPlace { bytes, .. }) = ledger.blob(&digest)? else {
-                return Err(FarmError::UnknownBlob(digest));
-            };
             if blobs.size(&digest)? != Some(bytes) {
                 return Err(FarmError::UnknownBlob(digest));
             }
@@ -225,25 +192,5 @@ impl Farm {
             Ok(data)
         });
         read.await.map_err(|_| FarmError::Interrupted)?
-    }
-
-    /// Changes the queue, durably.
-    async fn operate(
-        &self,
-        change: impl FnOnce(&mut Queue, Duration) -> Changes,
-    ) -> Result<Changes, FarmError> {
-        let (changes, pending) = {
-            let mut state = self.shared.lock();
-            let changes = change(&mut state.queue, self.shared.now());
-            let pending = self.submit(&changes);
-            self.after(&state, &changes);
-            (changes, pending)
-        };
-        match pending {
-            Some(pending) => pending.durable().await?,
-            // What was so before may still be on its way to the disk.
-            None => self.settled().await?,
-        }
-        Ok(changes)
     }
 }

@@ -46,6 +46,11 @@ impl Crew {
         self.sessions.get(&worker).map(String::as_str)
     }
 
+    pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
+        let sessions = self.sessions.iter();
+        sessions.map(|(worker, name)| (*worker, name.as_str()))
+    }
+
     pub fn bar(&self, name: &str) -> Option<&Bar> {
         self.records.get(name)?.bar.as_ref()
     }
@@ -127,6 +132,10 @@ impl Crew {
         let ended: Vec<String> = ended.map(|(name, _)| name.clone()).collect();
         let lifted = ended.iter().filter_map(|name| self.lift_bar(name));
         lifted.collect()
+    }
+
+    pub fn bar_end(&self, name: &str) -> Option<Duration> {
+        self.bar_ends.get(name).copied()
     }
 
     pub fn next_bar_end(&self) -> Option<Duration> {

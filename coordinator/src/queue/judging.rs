@@ -100,7 +100,7 @@ impl Queue {
         if self.standing(material, token, fingerprint)? == Standing::Repeated {
             return Ok((Verdict::Repeated, Changes::default()));
         }
-        let state = self.jobs[material as usize].state.clone();
+        let state = self.jobs[material].state.clone();
         let Some(name) = state.holder().map(|holder| holder.name.clone()) else {
             unreachable!("current, so there is a holder");
         };
@@ -176,7 +176,7 @@ impl Queue {
                 worker: third.1,
                 error,
             };
-            self.jobs[material as usize].failures.push(failure);
+            self.jobs[material].failures.push(failure);
             let mut changes = Changes::default();
             let change = self.transition(material, JobState::SetAside, now);
             changes.jobs.push(change);

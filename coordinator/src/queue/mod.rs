@@ -21,19 +21,21 @@
 
 mod crew;
 mod judging;
-#[cfg(test)]
-mod model;
 mod operating;
 mod record;
+mod records;
+mod selection;
 
 pub use judging::{Refusal, Standing, Verdict};
 pub use record::{
     Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
     WorkerChange, WorkerFailure, WorkerRecord,
 };
+pub use selection::{Selection, Stage};
 
 use crate::token::{Token, WorkerId};
 use crew::Crew;
+use records::Records;
 use std::{
     cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
@@ -100,12 +102,17 @@ pub struct Counts {
     pub checks: u32,
 }
 
-#[derive(Clone, Debug)]
-struct Lease {
-    claimed: Duration,
-    expires: Duration,
-    views_done: u32,
-    progressed: Duration,
+/// The times of a lease, on the clock that transitions are told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lease {
+    /// When it was handed out.
+    pub claimed: Duration,
+    /// When it runs out.
+    pub expires: Duration,
+    /// How many views are rendered, as its holder last said.
+    pub views_done: u32,
+    /// When it last said that there were more.
+    pub progressed: Duration,
 }
 
 impl Lease {
@@ -130,7 +137,7 @@ pub struct LostLease {
 pub struct Queue {
     policy: Policy,
     mode: Mode,
-    jobs: Vec<JobRecord>,
+    jobs: Records,
     pending: BTreeSet<(Reverse<i32>, u32)>,
     set_aside: BTreeSet<u32>,
     cancelled: BTreeSet<u32>,
@@ -153,7 +160,7 @@ impl Queue {
         Self {
             policy,
             mode: Mode::default(),
-            jobs: vec![JobRecord::default(); materials as usize],
+            jobs: Records::All(vec![JobRecord::default(); materials as usize]),
             pending: (0..materials)
                 .map(|material| (Reverse(0), material))
                 .collect(),
@@ -170,11 +177,50 @@ impl Queue {
         }
     }
 
+    /// A queue of no job, to be given those that a transition touches: a database that keeps the
+    /// jobs runs the transitions on parts of the queue.
+    pub fn of_some(policy: Policy, mode: Mode) -> Self {
+        Self {
+            mode,
+            jobs: Records::Some(BTreeMap::new()),
+            ..Self::new(0, policy)
+        }
+    }
+
+    /// Adds a job to a queue of some, with its lease if it has one.
+    pub fn add_job(&mut self, material: u32, record: JobRecord, lease: Option<Lease>) {
+        self.jobs[material] = JobRecord::default();
+        self.pending.insert((Reverse(0), material));
+        self.put(material, record, Duration::ZERO);
+        if let Some(lease) = lease
+            && let Some(known) = self.leases.get_mut(&material)
+        {
+            self.expiries.remove(&(known.expires, material));
+            self.expiries.insert((lease.expires, material));
+            *known = lease;
+        }
+    }
+
+    /// Adds a worker's history to a queue of some, and when a bar over failures ends.
+    pub fn add_worker(&mut self, worker: WorkerChange, bar_ends: Duration) {
+        self.crew.restore(worker, bar_ends);
+    }
+
+    /// The lease of a job, if it has one.
+    pub fn lease(&self, material: u32) -> Option<&Lease> {
+        self.leases.get(&material)
+    }
+
+    /// When the bar of a worker that failed too often ends.
+    pub fn bar_end(&self, name: &str) -> Option<Duration> {
+        self.crew.bar_end(name)
+    }
+
     /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and bars get
     /// their full time again: while the coordinator was away nobody could renew them.
     pub fn restore(&mut self, kept: Changes, now: Duration) {
         for JobChange { material, record } in kept.jobs {
-            if (material as usize) < self.jobs.len() {
+            if self.jobs.get(material).is_some() {
                 self.put(material, record, now);
             }
         }
@@ -216,7 +262,7 @@ impl Queue {
                 worker,
                 name: name.clone(),
             };
-            let state = self.jobs[material as usize].state.clone();
+            let state = self.jobs[material].state.clone();
             let change = self.transition(material, leased(state, holder), now);
             changes.jobs.push(change);
         }
@@ -258,7 +304,7 @@ impl Queue {
         let state = state.ok_or(Refusal::UnknownMaterial(material))?;
         let holder = state.holder().filter(|holder| holder.token == token);
         let holder = holder.ok_or(Refusal::LeaseLost(material))?.clone();
-        self.jobs[material as usize].failures.push(Failure {
+        self.jobs[material].failures.push(Failure {
             worker: holder.name.clone(),
             error: error.to_owned(),
         });
@@ -299,7 +345,7 @@ impl Queue {
             let Some(holder) = self.holder(material).cloned() else {
                 unreachable!("what expires is leased");
             };
-            self.jobs[material as usize].leases_lost += 1;
+            self.jobs[material].leases_lost += 1;
             changes.extend(self.requeue(material, now));
             changes
                 .workers
@@ -368,7 +414,7 @@ impl Queue {
 
     /// How many views of a leased job are rendered, as its holder last said.
     pub fn views_done(&self, material: u32) -> Option<u32> {
-        Some(self.leases.get(&material)?.views_done)
+        Some(self.lease(material)?.views_done)
     }
 
     /// Why a worker of this name gets no work, if it is barred.
@@ -383,17 +429,33 @@ impl Queue {
 
     /// A job, if there is such a material.
     pub fn job(&self, material: u32) -> Option<&JobRecord> {
-        self.jobs.get(material as usize)
+        self.jobs.get(material)
     }
 
-    /// Jobs that were set aside, lowest first, with what is known of each.
-    pub fn set_aside(&self) -> impl Iterator<Item = (u32, &JobRecord)> {
-        let materials = self.set_aside.iter();
-        materials.map(|material| (*material, &self.jobs[*material as usize]))
+    /// The jobs from a material on, in order.
+    pub fn jobs_from(&self, from: u32) -> impl Iterator<Item = (u32, &JobRecord)> {
+        self.jobs.from(from)
+    }
+
+    /// The materials of a selection, in order.
+    pub fn selected(&self, selection: &Selection) -> Vec<u32> {
+        let jobs = self.jobs_from(0);
+        let selected = jobs.filter(|(material, job)| selection.contains(*material, job));
+        selected.map(|(material, _)| material).collect()
+    }
+
+    /// Everybody who is there, with their names.
+    pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
+        self.crew.sessions()
+    }
+
+    /// The name of a worker that is there.
+    pub fn name(&self, worker: WorkerId) -> Option<&str> {
+        self.crew.name(worker)
     }
 
     fn state(&self, material: u32) -> Option<&JobState> {
-        Some(&self.jobs.get(material as usize)?.state)
+        Some(&self.jobs.get(material)?.state)
     }
 
     /// What a worker of this name may be given, the most urgent first.
@@ -401,12 +463,12 @@ impl Queue {
         let judged = self.disputed.iter().chain(&self.checks_due).copied();
         let judged = judged.filter(|material| self.may_judge(name, *material));
         let fresh = self.pending.iter().map(|(_, material)| *material);
-        let fresh = fresh.filter(|material| !self.jobs[*material as usize].failed_on(name));
+        let fresh = fresh.filter(|material| !self.jobs[*material].failed_on(name));
         let mut materials: Vec<u32> = judged.chain(fresh).take(count).collect();
         if materials.len() < count {
             let again = self.pending.iter().map(|(_, material)| *material);
             let again = again.filter(|material| {
-                let job = &self.jobs[*material as usize];
+                let job = &self.jobs[*material];
                 job.failed_on(name) && self.crew.able().all(|other| job.failed_on(other))
             });
             materials.extend(again.take(count - materials.len()));
@@ -416,7 +478,7 @@ impl Queue {
 
     /// Whether a worker of this name can say something new of a completed job.
     fn may_judge(&self, name: &str, material: u32) -> bool {
-        let job = &self.jobs[material as usize];
+        let job = &self.jobs[material];
         let JobState::Completed { worker, check, .. } = &job.state else {
             return false;
         };
@@ -430,7 +492,7 @@ impl Queue {
 
     /// Takes a lease back after a failure or a silence.
     fn requeue(&mut self, material: u32, now: Duration) -> Changes {
-        let job = &self.jobs[material as usize];
+        let job = &self.jobs[material];
         let hopeless = job.workers_failed() as u32 >= self.policy.workers_failed_max
             || job.failures.len() as u32 >= self.policy.failures_max
             || job.leases_lost >= self.policy.leases_lost_max;
@@ -470,14 +532,14 @@ impl Queue {
     fn hand_back(&mut self, held: impl IntoIterator<Item = u32>, now: Duration) -> Changes {
         let mut changes = Changes::default();
         for material in held {
-            let state = unleased(self.jobs[material as usize].state.clone());
+            let state = unleased(self.jobs[material].state.clone());
             changes.jobs.push(self.transition(material, state, now));
         }
         changes
     }
 
     fn transition(&mut self, material: u32, state: JobState, now: Duration) -> JobChange {
-        let mut record = self.jobs[material as usize].clone();
+        let mut record = self.jobs[material].clone();
         record.state = state;
         self.put(material, record.clone(), now);
         JobChange { material, record }
@@ -526,11 +588,11 @@ impl Queue {
             let held = self.holdings.entry(holder.worker).or_default();
             held.insert(material);
         }
-        self.jobs[material as usize] = record;
+        self.jobs[material] = record;
     }
 
     fn unlist(&mut self, material: u32) {
-        let job = &self.jobs[material as usize];
+        let job = &self.jobs[material];
         match &job.state {
             JobState::Pending => {
                 self.pending.remove(&(Reverse(job.priority), material));

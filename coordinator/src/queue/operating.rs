@@ -92,12 +92,13 @@ impl Queue {
     /// Takes from the set what only this worker vouches for.
     fn disown(&mut self, name: &str, now: Duration) -> Changes {
         let mut changes = Changes::default();
-        for material in 0..self.jobs.len() as u32 {
+        let materials: Vec<u32> = self.jobs.from(0).map(|(material, _)| material).collect();
+        for material in materials {
             let JobState::Completed {
                 fingerprint,
                 worker,
                 check,
-            } = self.jobs[material as usize].state.clone()
+            } = self.jobs[material].state.clone()
             else {
                 continue;
             };

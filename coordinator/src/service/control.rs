@@ -5,8 +5,9 @@ use super::{
     refusal::{invalid, too_many},
 };
 use crate::{
-    farm::{Changed, Event, Farm, WorkerReport},
-    queue::{Bar, Check, JobRecord, JobState, Mode},
+    board::JobsOrder,
+    farm::{Event, Farm, WorkerReport},
+    queue::{Bar, Check, JobRecord, JobState, Mode, Selection, Stage},
 };
 use proto::limits;
 use std::{pin::Pin, sync::Arc};
@@ -26,10 +27,10 @@ impl proto::Control for ControlService {
     type WatchEventsStream = Pin<Box<dyn Stream<Item = Result<proto::Event, Status>> + Send>>;
 
     async fn status(&self, _: Request<proto::StatusRequest>) -> Answer<proto::StatusResponse> {
-        let report = self.farm.report();
+        let report = self.farm.fresh_report().await?;
         let progress = report.progress;
         let counts = progress.counts;
-        let set_aside = self.farm.set_aside().into_iter();
+        let set_aside = self.farm.set_aside().await?.into_iter();
         Ok(Response::new(proto::StatusResponse {
             name: self.farm.specification.name.clone(),
             specification_hash: message_digest(&self.farm.specification_hash),
@@ -67,13 +68,13 @@ impl proto::Control for ControlService {
         let message = request.into_inner();
         let wanted = selection(message.selection)?;
         let jobs_max = message.jobs_max.clamp(1, limits::JOBS_LISTED_MAX) as usize;
-        let (jobs, next) = self.farm.jobs(message.from, jobs_max, wanted);
-        let jobs = jobs.into_iter();
+        let page = self.farm.jobs(message.from, jobs_max, &wanted).await?;
+        let jobs = page.jobs.into_iter();
         Ok(Response::new(proto::ListJobsResponse {
             jobs: jobs
                 .map(|(material, job, views_done)| job_detail(material, job, views_done))
                 .collect(),
-            next,
+            next: page.next,
         }))
     }
 
@@ -81,7 +82,7 @@ impl proto::Control for ControlService {
         &self,
         _: Request<proto::ListWorkersRequest>,
     ) -> Answer<proto::ListWorkersResponse> {
-        let workers = self.farm.workers().into_iter();
+        let workers = self.farm.workers().await?.into_iter();
         Ok(Response::new(proto::ListWorkersResponse {
             workers: workers
                 .map(|(name, report)| worker_detail(name, report))
@@ -120,7 +121,7 @@ impl proto::Control for ControlService {
         &self,
         request: Request<proto::RetryJobsRequest>,
     ) -> Answer<proto::JobsChanged> {
-        self.change(request.into_inner().selection, Changed::Retried)
+        self.change(request.into_inner().selection, JobsOrder::Retry)
             .await
     }
 
@@ -128,7 +129,7 @@ impl proto::Control for ControlService {
         &self,
         request: Request<proto::CancelJobsRequest>,
     ) -> Answer<proto::JobsChanged> {
-        self.change(request.into_inner().selection, Changed::Cancelled)
+        self.change(request.into_inner().selection, JobsOrder::Cancel)
             .await
     }
 
@@ -145,7 +146,7 @@ impl proto::Control for ControlService {
             );
             return Err(invalid("priority", &reason));
         }
-        self.change(message.selection, Changed::Prioritized(message.priority))
+        self.change(message.selection, JobsOrder::Prioritize(message.priority))
             .await
     }
 
@@ -195,10 +196,10 @@ impl ControlService {
     async fn change(
         &self,
         selected: Option<proto::JobSelection>,
-        change: Changed,
+        order: JobsOrder,
     ) -> Answer<proto::JobsChanged> {
         let wanted = selection(selected)?;
-        let changed = ranges(&self.farm.change_jobs(change, wanted).await?);
+        let changed = ranges(&self.farm.order(order, &wanted).await?);
         Ok(Response::new(proto::JobsChanged { changed }))
     }
 
@@ -212,10 +213,8 @@ impl ControlService {
 }
 
 /// Which jobs a selection selects.
-fn selection(
-    selection: Option<proto::JobSelection>,
-) -> Result<impl Fn(u32, &JobRecord) -> bool, Status> {
-    let proto::JobSelection { mut ranges, states } = selection.unwrap_or_default();
+fn selection(selection: Option<proto::JobSelection>) -> Result<Selection, Status> {
+    let proto::JobSelection { ranges, states } = selection.unwrap_or_default();
     if ranges.len() > limits::RANGES_PER_CALL_MAX {
         let max = limits::RANGES_PER_CALL_MAX;
         return Err(too_many("ranges", ranges.len(), max));
@@ -224,26 +223,16 @@ fn selection(
         let reason = format!("{} to {} is no range", range.first, range.last);
         return Err(invalid("selection.ranges", &reason));
     }
-    let states = states
-        .into_iter()
-        .map(|state| {
-            let known = proto::JobState::try_from(state).ok();
-            known
-                .filter(|state| *state != proto::JobState::Unspecified)
-                .ok_or_else(|| {
-                    invalid("selection.states", &format!("{state} is no state of a job"))
-                })
-        })
-        .collect::<Result<Vec<proto::JobState>, Status>>()?;
-    ranges.sort_by_key(|range| range.first);
-    let any_material = ranges.is_empty();
-    Ok(move |material: u32, job: &JobRecord| {
-        let before = ranges.partition_point(|range| range.first <= material);
-        // Ranges may overlap: any of those that begin before can reach this far.
-        let in_range = || ranges[..before].iter().any(|range| material <= range.last);
-        (states.is_empty() || states.contains(&message_state(&job.state)))
-            && (any_material || in_range())
-    })
+    let stages = states.into_iter().map(|state| {
+        let known = proto::JobState::try_from(state).ok();
+        let stage = known.and_then(stage);
+        stage.ok_or_else(|| invalid("selection.states", &format!("{state} is no state of a job")))
+    });
+    let ranges = ranges.iter().map(|range| (range.first, range.last));
+    Ok(Selection::new(
+        ranges.collect(),
+        stages.collect::<Result<_, Status>>()?,
+    ))
 }
 
 /// Ascending materials as ranges.
@@ -269,21 +258,31 @@ fn message_mode(mode: Mode) -> proto::Mode {
     }
 }
 
-fn message_state(state: &JobState) -> proto::JobState {
-    match state {
-        JobState::Pending => proto::JobState::Pending,
-        JobState::Leased(_) => proto::JobState::Leased,
-        JobState::Completed { check, .. } => match check {
-            Check::Disputed(_) => proto::JobState::Disputed,
-            _ => proto::JobState::Completed,
-        },
-        JobState::SetAside => proto::JobState::SetAside,
-        JobState::Cancelled => proto::JobState::Cancelled,
+fn message_state(stage: Stage) -> proto::JobState {
+    match stage {
+        Stage::Pending => proto::JobState::Pending,
+        Stage::Leased => proto::JobState::Leased,
+        Stage::Completed => proto::JobState::Completed,
+        Stage::Disputed => proto::JobState::Disputed,
+        Stage::SetAside => proto::JobState::SetAside,
+        Stage::Cancelled => proto::JobState::Cancelled,
     }
 }
 
+fn stage(state: proto::JobState) -> Option<Stage> {
+    Some(match state {
+        proto::JobState::Unspecified => return None,
+        proto::JobState::Pending => Stage::Pending,
+        proto::JobState::Leased => Stage::Leased,
+        proto::JobState::Completed => Stage::Completed,
+        proto::JobState::Disputed => Stage::Disputed,
+        proto::JobState::SetAside => Stage::SetAside,
+        proto::JobState::Cancelled => Stage::Cancelled,
+    })
+}
+
 fn job_detail(material: u32, job: JobRecord, views_done: u32) -> proto::JobDetail {
-    let state = message_state(&job.state);
+    let state = message_state(job.state.stage());
     let holder = job.state.holder();
     let lease = holder.map_or_else(String::new, |holder| holder.token.to_string());
     let mut worker = holder.map_or_else(String::new, |holder| holder.name.clone());

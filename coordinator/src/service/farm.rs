@@ -6,6 +6,7 @@ use super::{
     token, worker,
 };
 use crate::{
+    board::Renewal,
     completion::Completion,
     farm::{Farm, Outcome},
 };
@@ -57,7 +58,8 @@ impl proto::Farm for FarmService {
         let hash = digest("specification_hash", &message.specification_hash)?;
         let worker = self
             .farm
-            .register(known, message.name, &message.renderer_version, hash)?;
+            .register(known, message.name, &message.renderer_version, hash)
+            .await?;
         Ok(Response::new(proto::RegisterResponse {
             worker_id: worker.to_message(),
             lease_ms: self.farm.policy.lease.as_millis() as u64,
@@ -95,10 +97,14 @@ impl proto::Farm for FarmService {
             .iter()
             .map(|renewal| {
                 let token = token(&renewal.token)?;
-                Ok((token, renewal.material, renewal.views_done))
+                Ok(Renewal {
+                    token,
+                    material: renewal.material,
+                    views_done: renewal.views_done,
+                })
             })
             .collect::<Result<Vec<_>, Status>>()?;
-        let lost = self.farm.renew(worker, &renewals);
+        let lost = self.farm.renew(worker, &renewals).await?;
         Ok(Response::new(proto::RenewResponse { lost }))
     }
 

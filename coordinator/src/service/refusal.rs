@@ -1,7 +1,7 @@
 //! Errors as gRPC statuses with details that programs can read: what kind (ErrorInfo), which field
 //! (BadRequest), when to try again (RetryInfo).
 
-use crate::{farm::FarmError, file_error::FileError, queue::Refusal};
+use crate::{board::BoardError, farm::FarmError, file_error::FileError, queue::Refusal};
 use proto::limits::{ERROR_DOMAIN, RETRY_AFTER};
 use std::{collections::HashMap, io};
 use tonic::{Code, Status};
@@ -46,11 +46,7 @@ impl From<FarmError> for Status {
 
 fn kind(error: &FarmError) -> (Code, &'static str) {
     match error {
-        FarmError::Refused(Refusal::UnknownMaterial(_)) => {
-            (Code::InvalidArgument, "UNKNOWN_MATERIAL")
-        }
-        FarmError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
-        FarmError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
+        FarmError::Board(error) => board_kind(error),
         FarmError::Image { .. } | FarmError::Rejected(_) => {
             (Code::InvalidArgument, "IMAGE_REJECTED")
         }
@@ -64,11 +60,24 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
         FarmError::TooManyReaders(_) => (Code::ResourceExhausted, "TOO_MANY_READERS"),
         FarmError::StagingFull(_) => (Code::ResourceExhausted, "STAGING_FULL"),
         FarmError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
-        FarmError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
         FarmError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
-        FarmError::File(_) | FarmError::Ledger(_) | FarmError::Random(_) => {
-            (Code::Internal, "SYSTEM")
+        FarmError::File(_) | FarmError::Random(_) => (Code::Internal, "SYSTEM"),
+    }
+}
+
+fn board_kind(error: &BoardError) -> (Code, &'static str) {
+    match error {
+        BoardError::Refused(Refusal::UnknownMaterial(_)) => {
+            (Code::InvalidArgument, "UNKNOWN_MATERIAL")
         }
+        BoardError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
+        BoardError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
+        BoardError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
+        BoardError::Unavailable(_) => (Code::Unavailable, "DATABASE_AWAY"),
+        BoardError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
+        BoardError::File(_) => (Code::Internal, "SYSTEM"),
+        BoardError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
+        BoardError::Ledger(_) => (Code::Internal, "SYSTEM"),
     }
 }
 

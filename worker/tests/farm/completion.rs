@@ -69,7 +69,7 @@ async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried
     );
     assert_eq!(progress.failures, 6);
     assert_eq!(worker.summary().await.failures, 6);
-    let set_aside = coordinator.set_aside();
+    let set_aside = coordinator.set_aside().await.unwrap();
     let bulb = vec!["view 1: the bulb is broken".to_owned(); 3];
     let panicked = vec!["view 2: the renderer panicked".to_owned(); 3];
     assert_eq!(set_aside, [(2, bulb), (3, panicked)]);

@@ -1,25 +1,34 @@
-//! The queue against a model of it: random operations, and after each the same answers, the same
-//! states, and a ledger from which a restarted queue continues. The suite takes the ledger.
+//! The suite of every board: random operations, and after each the answers, the states and the
+//! durable records that a simple model has. A restarted board goes on where the one before ended.
 
 use super::{
-    BarCause, Changes, Check, Counts, Dispute, Failure, Holder, JobRecord, JobState, Mode, Policy,
-    Queue, Refusal, Verdict, WorkerRecord,
+    Board, BoardError, Delivery, JobsOrder, Leased, LocalBoard, Overview, Renewal, Surroundings,
 };
 use crate::{
-    ledger::{Ledger, SledLedger, memory::MemoryLedger},
+    blobs::Blobs,
+    completion::Completion,
+    completion_log::CompletionLog,
+    ledger::{BlobPlace, Ledger, LedgerError, SledLedger, memory::MemoryLedger},
+    queue::{
+        BarCause, Changes, Check, Counts, Dispute, Failure, Holder, JobRecord, JobState, Mode,
+        Policy, Queue, Refusal, Selection, Stage, Verdict, WorkerRecord,
+    },
     token::{Token, WorkerId},
 };
-use dataset::Digest;
+use dataset::{CompletedView, Digest, ErrorStatistics};
 use proptest::prelude::*;
 use std::{
     collections::{BTreeMap, BTreeSet},
-    sync::Arc,
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex},
     time::Duration,
 };
+use tempfile::TempDir;
+use tokio::runtime;
 
-const MATERIALS: u32 = 12;
+pub(crate) const MATERIALS: u32 = 12;
 const WORKERS: u8 = 5;
-const POLICY: Policy = Policy {
+pub(crate) const POLICY: Policy = Policy {
     lease: Duration::from_secs(10),
     stall: Duration::from_secs(25),
     deadline: Duration::from_secs(60),
@@ -33,7 +42,7 @@ const POLICY: Policy = Policy {
 
 /// Tokens are named by the order they were given out in, so that operations can show old ones.
 #[derive(Clone, Debug)]
-enum Operation {
+pub(crate) enum Operation {
     Admit {
         worker: u8,
     },
@@ -90,7 +99,7 @@ enum Operation {
     },
 }
 
-fn operation() -> impl Strategy<Value = Operation> {
+pub(crate) fn operation() -> impl Strategy<Value = Operation> {
     let materials = || prop::collection::vec(0..MATERIALS + 2, 0..4);
     let mode = prop_oneof![
         6 => Just(Mode::Running), 1 => Just(Mode::Paused), 1 => Just(Mode::Draining)
@@ -184,16 +193,26 @@ impl ModelJob {
     }
 }
 
-/// Closes a ledger and opens it again, as a restart does.
-type Reopen = dyn FnMut(Arc<dyn Ledger>) -> Arc<dyn Ledger>;
+/// Where boards are opened, each over what the one before kept.
+#[tonic::async_trait]
+pub(crate) trait Place: Send {
+    /// Opens a board; the one before is gone.
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
+
+    /// Tells the board the time.
+    async fn set_time(&mut self, now: Duration);
+
+    /// Whether an operation is told when to look for leases that ran out again.
+    fn knows_next_expiry(&self) -> bool;
+}
 
 struct Bench {
-    queue: Queue,
+    board: Option<Arc<dyn Board>>,
+    place: Box<dyn Place>,
+    overview: Arc<Mutex<Overview>>,
     jobs: Vec<ModelJob>,
     workers: Vec<ModelWorker>,
     mode: Mode,
-    ledger: Arc<dyn Ledger>,
-    reopen: Box<Reopen>,
     tokens: Vec<(Token, u32)>,
     now: Duration,
 }
@@ -206,31 +225,65 @@ fn name(number: u8) -> String {
     format!("w{number}")
 }
 
-fn fingerprint(material: u32, images: u8) -> Digest {
-    Digest::of(&[material as u8, images])
+/// What a worker says of a material; `images` tells different renderings apart.
+fn completion(material: u32, images: u8) -> Completion {
+    let statistics = ErrorStatistics {
+        mean: 0.1,
+        p95: 0.2,
+        max: 0.3,
+        within_target: 0.9,
+        samples: 64,
+        evaluations: 7,
+    };
+    Completion {
+        material,
+        views: vec![CompletedView {
+            digest: Digest::of(&[material as u8, images]),
+            bytes: 5,
+            statistics,
+        }],
+        seconds: 0.25,
+        worker: String::new(),
+    }
+}
+
+fn materials(changes: &Changes) -> BTreeSet<u32> {
+    changes.jobs.iter().map(|change| change.material).collect()
+}
+
+/// The answer of an operation that only a refusal can end.
+fn refused<T>(answer: Result<T, BoardError>) -> Result<T, Refusal> {
+    match answer {
+        Ok(answer) => Ok(answer),
+        Err(BoardError::Refused(refusal)) => Err(refusal),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn chosen(materials: &[u32]) -> Option<Selection> {
+    let ranges = materials.iter().map(|material| (*material, *material));
+    (!materials.is_empty()).then(|| Selection::new(ranges.collect(), Vec::new()))
 }
 
 impl Bench {
-    fn new(
-        ledger: Arc<dyn Ledger>,
-        reopen: impl FnMut(Arc<dyn Ledger>) -> Arc<dyn Ledger> + 'static,
-    ) -> Self {
+    async fn new(mut place: Box<dyn Place>) -> Self {
+        let overview = Arc::default();
+        place.set_time(Duration::ZERO).await;
+        let board = place.open(Arc::clone(&overview)).await;
         Self {
-            queue: Queue::new(MATERIALS, POLICY),
+            board: Some(board),
+            place,
+            overview,
             jobs: vec![ModelJob::default(); MATERIALS as usize],
             workers: vec![ModelWorker::default(); WORKERS as usize],
             mode: Mode::Running,
-            ledger,
-            reopen: Box::new(reopen),
             tokens: Vec::new(),
             now: Duration::ZERO,
         }
     }
 
-    /// Makes changes durable; returns which jobs they touched.
-    fn keep(&mut self, changes: &Changes) -> BTreeSet<u32> {
-        self.ledger.apply(changes, &[]).unwrap();
-        changes.jobs.iter().map(|change| change.material).collect()
+    fn board(&self) -> &dyn Board {
+        self.board.as_deref().unwrap()
     }
 
     fn token(&self, back: usize) -> Option<(Token, u32)> {
@@ -268,65 +321,74 @@ impl Bench {
             && !job.failed_on.contains(&worker)
     }
 
-    fn apply(&mut self, operation: Operation) {
+    async fn apply(&mut self, operation: Operation) {
         match operation {
             Operation::Admit { worker } => {
-                self.queue.admit(id(worker), &name(worker));
+                let (id, name) = (id(worker), name(worker));
+                self.board().admit(id, &name).await.unwrap();
+                assert_eq!(self.board().name(id).await.unwrap(), Some(name));
                 self.workers[worker as usize].present = true;
             }
             Operation::Dismiss { worker } => {
-                let held = |job: &ModelJob| job.lease.as_ref().is_some_and(|l| l.worker == worker);
-                if self.those(held).is_empty() {
-                    self.queue.dismiss(id(worker));
+                self.board().dismiss(&[id(worker)]).await.unwrap();
+                if self.held(worker).is_empty() {
                     self.workers[worker as usize].present = false;
+                    assert_eq!(self.board().name(id(worker)).await.unwrap(), None);
                 }
             }
-            Operation::Claim { worker, jobs_max } => self.claim(worker, jobs_max),
-            Operation::Renew { back, views_done } => self.renew(back, views_done),
+            Operation::Claim { worker, jobs_max } => self.claim(worker, jobs_max).await,
+            Operation::Renew { back, views_done } => self.renew(back, views_done).await,
             Operation::Complete {
                 back,
                 images,
                 check,
             } => {
                 if let Some((token, material)) = self.token(back) {
-                    self.complete(token, material, images, check);
+                    self.complete(token, material, images, check).await;
                 }
             }
             Operation::CompleteOther { back, material } => {
                 if let Some((token, _)) = self.token(back) {
-                    self.complete(token, material, 0, false);
+                    self.complete(token, material, 0, false).await;
                 }
             }
-            Operation::Fail { back } => self.fail(back),
+            Operation::Fail { back } => self.fail(back).await,
             Operation::Release { worker } => {
-                let held = |job: &ModelJob| job.lease.as_ref().is_some_and(|l| l.worker == worker);
-                let expected = self.those(held);
-                let changes = self.queue.release(id(worker), self.now);
-                self.handed_back(changes, expected);
+                let expected = self.held(worker);
+                let changes = self.board().release(id(worker)).await.unwrap();
+                self.handed_back(&changes, expected);
+                self.workers[worker as usize].present = false;
             }
             Operation::ReleaseAll => {
                 let expected = self.those(|job| job.lease.is_some());
-                let changes = self.queue.release_all(self.now);
-                self.handed_back(changes, expected);
+                let changes = self.board().release_all().await.unwrap();
+                self.handed_back(&changes, expected);
             }
-            Operation::Wait { seconds } => self.wait(Duration::from_secs(seconds)),
-            Operation::Restart => self.restart(),
+            Operation::Wait { seconds } => self.wait(Duration::from_secs(seconds)).await,
+            Operation::Restart => self.restart().await,
             Operation::RetrySetAside => {
                 let expected = self.those(|job| job.set_aside);
-                let changes = self.queue.retry_set_aside(self.now);
-                self.retried(changes, expected);
+                let selection = Selection::new(Vec::new(), vec![Stage::SetAside]);
+                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                self.retried(&changes.unwrap(), expected);
             }
             Operation::Retry { materials } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
                 let mut expected = self.those(|job| job.set_aside || job.cancelled);
                 expected.retain(|material| materials.contains(material));
-                let changes = self.queue.retry(materials, self.now);
-                self.retried(changes, expected);
+                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                self.retried(&changes.unwrap(), expected);
             }
             Operation::Cancel { materials } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
                 let mut expected = self.those(|job| job.opinions.is_empty() && !job.cancelled);
                 expected.retain(|material| materials.contains(material));
-                let changes = self.queue.cancel(materials, self.now);
-                assert_eq!(self.keep(&changes), expected);
+                let changes = self.board().order(JobsOrder::Cancel, &selection).await;
+                assert_eq!(self::materials(&changes.unwrap()), expected);
                 for material in expected {
                     let job = self.job(material);
                     job.lease = None;
@@ -338,36 +400,33 @@ impl Bench {
                 materials,
                 priority,
             } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
                 let mut expected = self.those(|job| job.is_pending() && job.priority != priority);
                 expected.retain(|material| materials.contains(material));
-                let changes = self.queue.prioritize(materials, priority, self.now);
-                assert_eq!(self.keep(&changes), expected);
+                let order = JobsOrder::Prioritize(priority);
+                let changes = self.board().order(order, &selection).await;
+                assert_eq!(self::materials(&changes.unwrap()), expected);
                 for material in expected {
                     self.job(material).priority = priority;
                 }
             }
             Operation::SetMode { mode } => {
-                let changes = self.queue.set_mode(mode);
+                let changes = self.board().set_mode(mode).await.unwrap();
                 assert_eq!(changes.mode.is_some(), mode != self.mode);
-                self.keep(&changes);
                 self.mode = mode;
             }
             Operation::Bar { worker } => {
                 let reason = "dust".to_owned();
-                let changes = self
-                    .queue
-                    .bar(&name(worker), BarCause::Operator, reason, self.now);
-                let touched = self.keep(&changes);
-                assert_eq!(touched, self.bar(worker, BarCause::Operator));
+                let cause = BarCause::Operator;
+                let changes = self.board().bar(&name(worker), cause, reason).await;
+                assert_eq!(materials(&changes.unwrap()), self.bar(worker, cause));
             }
             Operation::Unbar { worker } => {
-                let changes = Changes {
-                    workers: self.queue.unbar(&name(worker)).into_iter().collect(),
-                    ..Changes::default()
-                };
-                self.keep(&changes);
+                let change = self.board().unbar(&name(worker)).await.unwrap();
                 let model = &mut self.workers[worker as usize];
-                assert_eq!(changes.workers.len(), usize::from(model.bar.is_some()));
+                assert_eq!(change.is_some(), model.bar.is_some());
                 if model.bar.take().is_some() {
                     model.failed_in_a_row.clear();
                 }
@@ -375,15 +434,23 @@ impl Bench {
         }
     }
 
-    fn handed_back(&mut self, changes: Changes, expected: BTreeSet<u32>) {
-        assert_eq!(self.keep(&changes), expected);
+    fn held(&self, worker: u8) -> BTreeSet<u32> {
+        self.those(|job| {
+            job.lease
+                .as_ref()
+                .is_some_and(|lease| lease.worker == worker)
+        })
+    }
+
+    fn handed_back(&mut self, changes: &Changes, expected: BTreeSet<u32>) {
+        assert_eq!(materials(changes), expected);
         for material in expected {
             self.job(material).lease = None;
         }
     }
 
-    fn retried(&mut self, changes: Changes, expected: BTreeSet<u32>) {
-        assert_eq!(self.keep(&changes), expected);
+    fn retried(&mut self, changes: &Changes, expected: BTreeSet<u32>) {
+        assert_eq!(materials(changes), expected);
         for material in expected {
             *self.job(material) = ModelJob {
                 priority: self.job(material).priority,
@@ -392,11 +459,11 @@ impl Bench {
         }
     }
 
-    fn claim(&mut self, worker: u8, jobs_max: u32) {
-        let held = |job: &ModelJob| job.lease.as_ref().is_some_and(|l| l.worker == worker);
-        let room = POLICY.leases_per_worker_max as usize - self.those(held).len();
+    async fn claim(&mut self, worker: u8, jobs_max: u32) {
+        let room = POLICY.leases_per_worker_max as usize - self.held(worker).len();
+        let idle = self.is_finished() || self.mode == Mode::Draining;
         let mut expected = Vec::new();
-        if self.able().contains(&worker) && self.mode == Mode::Running {
+        if self.able().contains(&worker) && self.mode == Mode::Running && !idle {
             let judge = |job: &&ModelJob| self.may_judge(worker, job);
             let disputed = |job: &ModelJob| judge(&job) && job.is_disputed();
             let checks = |job: &ModelJob| judge(&job) && !job.is_disputed();
@@ -420,11 +487,21 @@ impl Bench {
         let tokens: Vec<Token> = (0..u128::from(jobs_max))
             .map(|number| Token::from_bytes((next + number).to_be_bytes()))
             .collect();
-        let claims = self.queue.claim(id(worker), &tokens, self.now);
-        let claimed: Vec<u32> = claims.jobs.iter().map(|change| change.material).collect();
-        assert_eq!(claimed, expected);
-        self.keep(&claims);
-        for (material, token) in claimed.into_iter().zip(tokens) {
+        let leased = self.board().claim(id(worker), &tokens).await.unwrap();
+        let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
+        let barred = self.workers[worker as usize].bar.is_some();
+        let known = self.workers[worker as usize].present && !idle;
+        assert_eq!(leased.barred.is_some(), barred && known);
+        assert_eq!(
+            leased,
+            Leased {
+                jobs: expected.clone(),
+                finished: self.is_finished(),
+                draining: self.mode == Mode::Draining,
+                barred: leased.barred.clone(),
+            }
+        );
+        for (token, material) in expected {
             self.tokens.push((token, material));
             let now = self.now;
             self.job(material).lease = Some(ModelLease {
@@ -438,12 +515,17 @@ impl Bench {
         }
     }
 
-    fn renew(&mut self, back: usize, views_done: u32) {
+    async fn renew(&mut self, back: usize, views_done: u32) {
         let Some((token, material)) = self.token(back) else {
             return;
         };
         let now = self.now;
-        let renewed = self.queue.renew(material, token, views_done, now);
+        let renewal = Renewal {
+            token,
+            material,
+            views_done,
+        };
+        let renewed = self.board().renew(&[renewal]).await.unwrap() == [true];
         if !self.current(material, token) {
             assert!(!renewed);
             return;
@@ -460,11 +542,16 @@ impl Bench {
         assert_eq!(renewed, now < ends);
     }
 
-    fn complete(&mut self, token: Token, material: u32, images: u8, check: bool) {
-        let fingerprint = fingerprint(material, images);
-        let answer = self
-            .queue
-            .complete(material, token, fingerprint, check, self.now);
+    async fn complete(&mut self, token: Token, material: u32, images: u8, check: bool) {
+        let completion = completion(material, images);
+        let fingerprint = completion.fingerprint();
+        let delivery = Delivery {
+            token,
+            completion,
+            check,
+        };
+        let answer = refused(self.board().complete(delivery).await);
+        let answer = answer.map(|judged| (judged.verdict, judged.changes));
         let current = self.current(material, token);
         let Some(job) = self.jobs.get_mut(material as usize) else {
             assert_eq!(answer, Err(Refusal::UnknownMaterial(material)));
@@ -518,7 +605,7 @@ impl Bench {
         self.workers[worker as usize].failed_in_a_row.clear();
         let (verdict, changes) = answer.unwrap();
         assert_eq!(verdict, expected);
-        assert_eq!(self.keep(&changes), touched);
+        assert_eq!(materials(&changes), touched);
         for material in changes.retracted {
             assert!(!self.jobs[material as usize].is_completed());
         }
@@ -570,11 +657,11 @@ impl Bench {
         }
     }
 
-    fn fail(&mut self, back: usize) {
+    async fn fail(&mut self, back: usize) {
         let Some((token, material)) = self.token(back) else {
             return;
         };
-        let answer = self.queue.fail(material, token, "no light", self.now);
+        let answer = refused(self.board().fail(material, token, "no light").await);
         if !self.current(material, token) {
             assert_eq!(answer, Err(Refusal::LeaseLost(material)));
             return;
@@ -593,18 +680,21 @@ impl Bench {
         if too_many && worker.bar.is_none() {
             touched.extend(self.bar(lease.worker, BarCause::Failures));
         }
-        assert_eq!(self.keep(&answer.unwrap()), touched);
+        let failed = answer.unwrap();
+        assert_eq!(failed.worker, name(lease.worker));
+        assert_eq!(materials(&failed.changes), touched);
     }
 
-    fn wait(&mut self, time: Duration) {
+    async fn wait(&mut self, time: Duration) {
         self.now += time;
+        self.place.set_time(self.now).await;
         let now = self.now;
         let over = |job: &ModelJob| job.lease.as_ref().is_some_and(|lease| lease.expires <= now);
         let expected = self.those(over);
-        let (changes, lost) = self.queue.expire(self.now);
-        let lost: BTreeSet<u32> = lost.iter().map(|lease| lease.material).collect();
-        assert_eq!(lost, expected);
-        assert_eq!(self.keep(&changes), expected);
+        let expired = self.board().expire().await.unwrap();
+        let lost = expired.lost.iter().map(|lease| lease.material);
+        assert_eq!(lost.collect::<BTreeSet<u32>>(), expected);
+        assert_eq!(materials(&expired.changes), expected);
         for material in expected {
             let job = self.job(material);
             job.leases_lost += 1;
@@ -620,15 +710,21 @@ impl Bench {
                 worker.failed_in_a_row.clear();
             }
         }
+        if self.place.knows_next_expiry() {
+            let leases = self.jobs.iter();
+            let leases = leases.filter_map(|job| Some(job.lease.as_ref()?.expires));
+            let bars = self.workers.iter().filter_map(|worker| worker.bar?.1);
+            let next = leases.chain(bars).min();
+            assert_eq!(expired.next, next.map(|next| next - now));
+        }
     }
 
     /// The process dies; another one continues from what was made durable.
-    fn restart(&mut self) {
-        let ledger = std::mem::replace(&mut self.ledger, Arc::new(MemoryLedger::default()));
-        self.ledger = (self.reopen)(ledger);
-        self.queue = Queue::new(MATERIALS, POLICY);
-        let kept = self.ledger.contents().unwrap();
-        self.queue.restore(kept, self.now);
+    async fn restart(&mut self) {
+        self.board().close();
+        // A ledger is open once at a time.
+        self.board = None;
+        self.board = Some(self.place.open(Arc::clone(&self.overview)).await);
         let now = self.now;
         for job in &mut self.jobs {
             if let Some(lease) = &mut job.lease {
@@ -646,7 +742,14 @@ impl Bench {
         }
     }
 
-    fn check(&self) {
+    fn is_finished(&self) -> bool {
+        let left = |job: &ModelJob| job.is_pending() || job.lease.is_some() || job.is_disputed();
+        let able = self.able();
+        let judged = |job: &ModelJob| able.iter().any(|worker| self.may_judge(*worker, job));
+        !self.jobs.iter().any(|job| left(job) || judged(job))
+    }
+
+    async fn check(&self) {
         let count = |of: fn(&ModelJob) -> bool| self.jobs.iter().filter(|job| of(job)).count();
         let expected = Counts {
             materials: MATERIALS,
@@ -660,7 +763,6 @@ impl Bench {
                 job.opinions.len() == 1 && (job.check_wanted || job.lease.is_some())
             }) as u32,
         };
-        assert_eq!(self.queue.counts(), expected);
         let settled = expected.completed + expected.set_aside + expected.cancelled;
         let left = expected.pending + expected.leased + expected.disputed;
         assert_eq!(
@@ -668,25 +770,45 @@ impl Bench {
             left + settled,
             "every job is in exactly one state"
         );
-        let under_way = self.jobs.iter().any(|job| job.lease.is_some());
-        let able = self.able();
-        let judged = self.jobs.iter();
-        let judged = judged.filter(|job| able.iter().any(|worker| self.may_judge(*worker, job)));
-        let finished = left == 0 && !under_way && judged.count() == 0;
-        assert_eq!(self.queue.is_finished(), finished);
-        assert_eq!(self.queue.mode(), self.mode);
-        let leases = self
-            .jobs
-            .iter()
-            .filter_map(|job| Some(job.lease.as_ref()?.expires));
-        let bars = self.workers.iter().filter_map(|worker| worker.bar?.1);
-        assert_eq!(self.queue.next_expiry(), leases.chain(bars).min());
-        self.check_ledger();
+        self.board().look().await.unwrap();
+        let barred = self.workers.iter().filter(|worker| worker.bar.is_some());
+        let expected = Overview {
+            counts: expected,
+            mode: self.mode,
+            workers_barred: barred.count() as u32,
+            finished: self.is_finished(),
+        };
+        assert_eq!(*self.overview.lock().unwrap(), expected);
+        self.check_records().await;
+        self.check_crew().await;
     }
 
-    /// What is durable is what is.
-    fn check_ledger(&self) {
-        let kept = self.ledger.contents().unwrap();
+    async fn check_crew(&self) {
+        let crew = self.board().crew().await.unwrap();
+        let sessions = crew.sessions.into_iter();
+        let sessions: BTreeMap<WorkerId, (String, u32)> = sessions
+            .map(|session| (session.worker, (session.name, session.held)))
+            .collect();
+        let present = (0..).zip(&self.workers);
+        let present = present.filter(|(_, worker)| worker.present);
+        let expected = present.map(|(number, _)| {
+            let held = self.held(number).len() as u32;
+            (id(number), (name(number), held))
+        });
+        assert_eq!(sessions, expected.collect());
+    }
+
+    /// What is durable is what is, and what is told.
+    async fn check_records(&self) {
+        let all = Selection::default();
+        let page = self.board().jobs(0, 2 * MATERIALS as usize, &all).await;
+        let page = page.unwrap();
+        assert_eq!(page.next, None);
+        let told = page.jobs.into_iter();
+        let told: BTreeMap<u32, (JobRecord, u32)> = told
+            .map(|(material, job, views_done)| (material, (job, views_done)))
+            .collect();
+        let kept = self.board().contents().await.unwrap();
         let jobs = kept.jobs.into_iter();
         let jobs: BTreeMap<u32, JobRecord> = jobs.map(|job| (job.material, job.record)).collect();
         let workers = kept.workers.into_iter();
@@ -702,9 +824,8 @@ impl Bench {
             let failed_on: Vec<String> = job.failures.iter().map(failed_on).collect();
             let expected: Vec<String> = model.failed_on.iter().map(|by| name(*by)).collect();
             assert_eq!(failed_on, expected);
-            assert_eq!(self.queue.job(material), Some(&job));
-            let held = model.lease.as_ref().map(|lease| id(lease.worker));
-            assert!(held.is_none_or(|worker| self.queue.holds(worker)));
+            let views_done = model.lease.as_ref().map_or(0, |lease| lease.views_done);
+            assert_eq!(told.get(&material), Some(&(job, views_done)));
         }
         for (number, model) in (0..).zip(&self.workers) {
             let worker = workers.get(&name(number)).cloned().unwrap_or_default();
@@ -715,7 +836,6 @@ impl Bench {
             assert_eq!(worker.leases_lost, model.leases_lost);
             let cause = worker.bar.as_ref().map(|bar| bar.cause);
             assert_eq!(cause, model.bar.map(|(cause, _)| cause));
-            assert_eq!(self.queue.bar_of(&name(number)), worker.bar.as_ref());
         }
     }
 }
@@ -749,18 +869,118 @@ fn state(model: &ModelJob) -> JobState {
     }
 }
 
-fn follow(mut bench: Bench, operations: Vec<Operation>) {
-    for operation in operations {
-        bench.apply(operation);
-        bench.check();
-    }
+/// Does operations on a new board, and checks it after each.
+pub(crate) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
+    let runtime = runtime::Builder::new_current_thread().enable_all().build();
+    runtime.unwrap().block_on(async {
+        let mut bench = Bench::new(place).await;
+        for operation in operations {
+            bench.apply(operation).await;
+            bench.check().await;
+        }
+        bench.board().close();
+    });
 }
 
-fn runs(cases: u32) -> ProptestConfig {
+/// Settings of a test of `cases` runs.
+pub(crate) fn runs(cases: u32) -> ProptestConfig {
     ProptestConfig {
         cases,
         failure_persistence: None,
         ..ProptestConfig::default()
+    }
+}
+
+/// Boards in this process over one ledger.
+struct LocalPlace {
+    ledger: Kept,
+    folder: TempDir,
+    now: Arc<Mutex<Duration>>,
+}
+
+enum Kept {
+    Memory(Arc<MemoryLedger>),
+    Sled(PathBuf),
+}
+
+/// A sync after every operation takes most of the time and shows nothing: nothing is cut short.
+struct SyncedAtTheEnd(SledLedger);
+
+impl Ledger for SyncedAtTheEnd {
+    fn contents(&self) -> Result<Changes, LedgerError> {
+        self.0.contents()
+    }
+
+    fn apply(&self, changes: &Changes, completions: &[Completion]) -> Result<(), LedgerError> {
+        self.0.apply(changes, completions)
+    }
+
+    fn sync(&self) -> Result<(), LedgerError> {
+        Ok(())
+    }
+
+    fn completion(&self, material: u32) -> Result<Option<Completion>, LedgerError> {
+        self.0.completion(material)
+    }
+
+    fn blob(&self, digest: &Digest) -> Result<Option<BlobPlace>, LedgerError> {
+        self.0.blob(digest)
+    }
+}
+
+impl Drop for SyncedAtTheEnd {
+    fn drop(&mut self) {
+        self.0.sync().unwrap();
+    }
+}
+
+impl LocalPlace {
+    fn new(ledger: impl FnOnce(&Path) -> Kept) -> Box<Self> {
+        // The completion log is synced, which takes time on a disk and proves nothing here.
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() {
+            tempfile::tempdir_in(memory)
+        } else {
+            tempfile::tempdir()
+        };
+        let folder = folder.unwrap();
+        Box::new(Self {
+            ledger: ledger(folder.path()),
+            folder,
+            now: Arc::default(),
+        })
+    }
+}
+
+#[tonic::async_trait]
+impl Place for LocalPlace {
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board> {
+        let ledger: Arc<dyn Ledger> = match &self.ledger {
+            Kept::Memory(ledger) => Arc::clone(ledger) as Arc<dyn Ledger>,
+            Kept::Sled(path) => Arc::new(SyncedAtTheEnd(SledLedger::open(path).unwrap().0)),
+        };
+        let mut queue = Queue::new(MATERIALS, POLICY);
+        queue.restore(ledger.contents().unwrap(), *self.now.lock().unwrap());
+        let (log, _) = CompletionLog::open(&self.folder.path().join("completions.log")).unwrap();
+        let surroundings = Surroundings::new(Blobs::new(self.folder.path()), move |_, now| {
+            *overview.lock().unwrap() = now;
+        });
+        let clock = Arc::clone(&self.now);
+        Arc::new(LocalBoard::without_thread(
+            queue,
+            log,
+            ledger,
+            Arc::new(surroundings),
+            Box::new(move || *clock.lock().unwrap()),
+        ))
+    }
+
+    async fn set_time(&mut self, now: Duration) {
+        *self.now.lock().unwrap() = now;
+    }
+
+    fn knows_next_expiry(&self) -> bool {
+        true
     }
 }
 
@@ -769,11 +989,10 @@ proptest! {
     #![proptest_config(runs(512))]
 
     #[test]
-    fn the_queue_does_what_the_model_does(
+    fn the_board_in_memory_does_what_the_model_does(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
-        let bench = Bench::new(Arc::new(MemoryLedger::default()), |ledger| ledger);
-        follow(bench, operations);
+        follow(LocalPlace::new(|_| Kept::Memory(Arc::default())), operations);
     }
 }
 
@@ -781,17 +1000,9 @@ proptest! {
     #![proptest_config(runs(24))]
 
     #[test]
-    fn the_queue_does_what_the_model_does_over_sled(
+    fn the_board_over_sled_does_what_the_model_does(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("ledger");
-        let ledger = SledLedger::open(&path).unwrap().0;
-        let bench = Bench::new(Arc::new(ledger), move |ledger| {
-            ledger.sync().unwrap();
-            drop(ledger);
-            Arc::new(SledLedger::open(&path).unwrap().0)
-        });
-        follow(bench, operations);
+        follow(LocalPlace::new(|path| Kept::Sled(path.join("ledger"))), operations);
     }
 }

@@ -1,0 +1,109 @@
+//! The schema, and which dataset it holds.
+
+use super::{
+    connecting::{Database, DatabaseError, execute},
+    fault::Fault,
+};
+use deadpool_postgres::Transaction;
+
+/// The steps that made the schema what it is, in order. One that was released never changes.
+const MIGRATIONS: [&str; 1] = [include_str!("migrations/0001_board.sql")];
+
+/// What a database is about.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Identity {
+    pub renderer_version: String,
+    pub specification_hash: Vec<u8>,
+    /// As JSON; its number of materials is the largest ever asked for.
+    pub specification: String,
+    /// Where the images are.
+    pub blobs: String,
+}
+
+impl Database {
+    /// Brings the schema up to date, one process at a time, and reads what the database is about;
+    /// none where it is about nothing yet.
+    pub async fn open(&self) -> Result<Option<Identity>, DatabaseError> {
+        let opened = async {
+            let mut connection = self.connection().await?;
+            let transaction = connection.transaction().await?;
+            migrate(&transaction).await?;
+            let identity = identity(&transaction).await?;
+            transaction.commit().await?;
+            Ok(identity)
+        };
+        opened.await.map_err(|fault| self.away(fault))
+    }
+
+    /// Makes the database about a dataset of so many materials, or lets the one it is about grow to
+    /// that many. Whoever calls has compared the two.
+    pub async fn make(&self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
+        let made = async {
+            let mut connection = self.connection().await?;
+            let transaction = connection.transaction().await?;
+            // Millions of rows take their time.
+            transaction
+                .batch_execute("SET LOCAL statement_timeout = 0")
+                .await?;
+            execute(&transaction, include_str!("sql/lock_alone.sql"), &[]).await?;
+            execute(
+                &transaction,
+                include_str!("sql/make.sql"),
+                &[
+                    &identity.renderer_version,
+                    &identity.specification_hash,
+                    &identity.specification,
+                    &identity.blobs,
+                ],
+            )
+            .await?;
+            let materials = i64::from(materials);
+            execute(&transaction, include_str!("sql/grow.sql"), &[&materials]).await?;
+            transaction.commit().await?;
+            Ok(())
+        };
+        made.await.map_err(|fault| self.away(fault))
+    }
+}
+
+async fn migrate(transaction: &Transaction<'_>) -> Result<(), Fault> {
+    // The same lock as every transaction's: a schema never changes under one.
+    transaction
+        .query(include_str!("sql/lock_alone.sql"), &[])
+        .await?;
+    transaction
+        .batch_execute(include_str!("sql/migrations.sql"))
+        .await?;
+    let rows = transaction
+        .query("SELECT coalesce(max(number), 0) FROM migrations", &[])
+        .await?;
+    let applied: i32 = rows.first().map_or(0, |row| row.get(0));
+    let known = MIGRATIONS.len() as i32;
+    if applied > known {
+        return Err(Fault::damaged(format!(
+            "its schema has version {applied}, and this program knows versions to {known}: install \
+             the brdfarm that made it"
+        )));
+    }
+    for (number, migration) in (1..).zip(MIGRATIONS) {
+        if number > applied {
+            transaction.batch_execute(migration).await?;
+            transaction
+                .execute("INSERT INTO migrations (number) VALUES ($1)", &[&number])
+                .await?;
+        }
+    }
+    Ok(())
+}
+
+async fn identity(transaction: &Transaction<'_>) -> Result<Option<Identity>, Fault> {
+    let rows = transaction
+        .query(include_str!("sql/identity.sql"), &[])
+        .await?;
+    Ok(rows.first().map(|row| Identity {
+        renderer_version: row.get(0),
+        specification_hash: row.get(1),
+        specification: row.get(2),
+        blobs: row.get(3),
+    }))
+}

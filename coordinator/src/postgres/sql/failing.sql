@@ -1,0 +1,1 @@
+SELECT name FROM workers WHERE name = ANY ($1) AND failing

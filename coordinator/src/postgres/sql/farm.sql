@@ -1,0 +1,1 @@
+SELECT mode, now_ms() FROM farm

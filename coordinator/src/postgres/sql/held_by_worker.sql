@@ -1,0 +1,1 @@
+SELECT material FROM leases WHERE worker = $1

@@ -1,0 +1,1 @@
+SELECT renderer_version, specification_hash, specification, blobs FROM farm

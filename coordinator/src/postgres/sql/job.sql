@@ -1,0 +1,1 @@
+SELECT record FROM jobs WHERE material = $1

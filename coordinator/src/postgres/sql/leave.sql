@@ -1,0 +1,1 @@
+DELETE FROM sessions WHERE worker = $1

@@ -1,0 +1,1 @@
+CREATE TABLE IF NOT EXISTS migrations (number integer PRIMARY KEY, applied timestamptz NOT NULL DEFAULT now())

@@ -1,0 +1,1 @@
+SELECT digest, material, view, bytes FROM images WHERE digest = ANY ($1)

@@ -1,0 +1,1 @@
+SELECT material, record FROM jobs WHERE record IS NOT NULL ORDER BY material

@@ -1,0 +1,2 @@
+SELECT worker, name, (SELECT count(*) FROM leases WHERE leases.worker = sessions.worker)
+FROM sessions

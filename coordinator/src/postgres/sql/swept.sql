@@ -1,0 +1,1 @@
+UPDATE sweeps SET swept_ms = $1

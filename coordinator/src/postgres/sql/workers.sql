@@ -1,0 +1,1 @@
+SELECT name, record FROM workers ORDER BY name

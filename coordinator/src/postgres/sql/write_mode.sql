@@ -1,0 +1,1 @@
+UPDATE farm SET mode = $1

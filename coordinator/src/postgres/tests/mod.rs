@@ -1,0 +1,122 @@
+//! The board on a real server.
+
+#![allow(clippy::print_stdout, reason = "measurements are for people")]
+
+mod crash;
+mod measure;
+mod model;
+mod plans;
+mod replicas;
+mod server;
+
+use super::{Database, Identity, PostgresBoard, Presence};
+use crate::{
+    blobs::Blobs,
+    board::{Board, BoardError, Delivery, Overview, Surroundings},
+    completion::Completion,
+    queue::Policy,
+    token::{Token, WorkerId},
+};
+use dataset::{CompletedView, Digest, ErrorStatistics};
+use std::{
+    path::Path,
+    sync::{Arc, Mutex},
+};
+
+/// Makes a database of so many materials.
+async fn make(url: &str, materials: u32) {
+    let database = Database::new(url).unwrap();
+    assert_eq!(database.open().await.unwrap(), None);
+    let identity = Identity {
+        renderer_version: "test".to_owned(),
+        specification_hash: vec![7; 32],
+        specification: "{}".to_owned(),
+        blobs: "/nowhere".to_owned(),
+    };
+    database.make(&identity, materials).await.unwrap();
+    assert_eq!(database.open().await.unwrap(), Some(identity));
+}
+
+/// A coordinator's board over it.
+fn board(
+    url: &str,
+    policy: Policy,
+    presence: Presence,
+    overview: Arc<Mutex<Overview>>,
+) -> Arc<dyn Board> {
+    let surroundings = Surroundings::new(Blobs::new(Path::new("/nowhere")), move |_, now| {
+        *overview.lock().unwrap() = now;
+    });
+    Arc::new(PostgresBoard::new(
+        Database::new(url).unwrap(),
+        policy,
+        presence,
+        Arc::default(),
+        Arc::new(surroundings),
+    ))
+}
+
+fn delivery(material: u32, token: Token) -> Delivery {
+    let statistics = ErrorStatistics {
+        mean: 0.1,
+        p95: 0.2,
+        max: 0.3,
+        within_target: 0.9,
+        samples: 64,
+        evaluations: 7,
+    };
+    let completion = Completion {
+        material,
+        views: vec![CompletedView {
+            digest: Digest::of(&material.to_be_bytes()),
+            bytes: 5,
+            statistics,
+        }],
+        seconds: 0.25,
+        worker: String::new(),
+    };
+    Delivery {
+        token,
+        completion,
+        check: false,
+    }
+}
+
+fn worker(number: u32) -> WorkerId {
+    WorkerId::from_bytes(u128::from(number).to_be_bytes())
+}
+
+fn tokens(count: usize) -> Vec<Token> {
+    let token = |_| {
+        let mut bytes = [0; 16];
+        getrandom::fill(&mut bytes).unwrap();
+        Token::from_bytes(bytes)
+    };
+    (0..count).map(token).collect()
+}
+
+fn is_unavailable(error: &BoardError) -> bool {
+    matches!(error, BoardError::Unavailable(_))
+}
+
+/// That the counts, which every transaction keeps, are those of the rows.
+async fn assert_tallies(url: &str) {
+    let client = server::client(url).await;
+    let differ = client
+        .query_one(
+            "SELECT (SELECT (sum(pending), sum(leased), sum(completed), sum(disputed), \
+                 sum(set_aside), sum(cancelled), sum(pending + leased + completed + disputed + \
+                 set_aside + cancelled))::text FROM tallies), \
+             (SELECT (count(*) FILTER (WHERE stage = 'pending'), \
+                 count(*) FILTER (WHERE stage = 'leased'), \
+                 count(*) FILTER (WHERE stage = 'completed'), \
+                 count(*) FILTER (WHERE stage = 'disputed'), \
+                 count(*) FILTER (WHERE stage = 'set_aside'), \
+                 count(*) FILTER (WHERE stage = 'cancelled'), count(*))::text FROM jobs)",
+            &[],
+        )
+        .await
+        .unwrap();
+    let (tallied, counted): (String, String) = (differ.get(0), differ.get(1));
+    assert_eq!(tallied, counted);
+}

@@ -1,0 +1,229 @@
+//! A store of several coordinators: jobs, labels and leases in a PostgreSQL database, images in a
+//! folder that all of them reach.
+//!
+//! The database says what the dataset is and where its images are. A coordinator stages uploads in
+//! a folder of its own, which it keeps locked; what one that died left behind is cleared by the
+//! next that starts.
+
+use crate::{
+    blobs::Blobs,
+    file_error::FileError,
+    postgres::{Database, Identity},
+};
+use dataset::{Digest, RENDERER_VERSION, Specification};
+use rustix::fs::{FlockOperation, flock};
+use std::{
+    fs::{self, File},
+    path::{Path, PathBuf},
+};
+use thiserror::Error;
+
+pub use crate::postgres::DatabaseError;
+
+/// Why a shared store cannot be used.
+#[derive(Debug, Error)]
+pub enum SharedStoreError {
+    /// The database cannot be used.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
+    /// It holds another dataset.
+    #[error(
+        "{name} holds another dataset: its specification has the hash {found}, the one given has \
+         {given}; choose another database, or the specification it was made with"
+    )]
+    Specification {
+        /// The database.
+        name: String,
+        /// The hash of its specification.
+        found: Digest,
+        /// The hash of the specification given.
+        given: Digest,
+    },
+    /// It was made by another renderer, whose images are not the same.
+    #[error(
+        "{name} was made with renderer version {found}, and this is version {RENDERER_VERSION}: \
+         continue with the program that made it, or choose another database"
+    )]
+    Renderer {
+        /// The database.
+        name: String,
+        /// The version that made it.
+        found: String,
+    },
+    /// Nobody said where the images are to be.
+    #[error("{0} is a new store: say where its images are to be, by --blobs")]
+    BlobsUnknown(String),
+    /// Its images are elsewhere.
+    #[error("the images of {name} are in {}, not in {}", found.display(), given.display())]
+    Blobs {
+        /// The database.
+        name: String,
+        /// Where they are.
+        found: PathBuf,
+        /// What was given.
+        given: PathBuf,
+    },
+    /// It cannot be understood.
+    #[error("{name} is damaged: {reason}")]
+    Damaged {
+        /// The database.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The system would not do what was asked.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// A store that any number of coordinators have open.
+pub struct SharedStore {
+    pub(crate) database: Database,
+    pub(crate) specification: Specification,
+    pub(crate) blobs: Blobs,
+    // Held for as long as the store is open: what is staged here is somebody's.
+    pub(crate) staging_lock: File,
+}
+
+impl SharedStore {
+    /// Whether the name of a store is that of a shared one.
+    pub fn is_named_by(name: &str) -> bool {
+        Database::is_named_by(name)
+    }
+
+    /// Opens the store in a database, or makes one, for a specification. Asking for more materials
+    /// than before grows it; fewer are never wanted again. `blobs` is the folder of the images:
+    /// needed where the store is new, and else the one that it was made with.
+    ///
+    /// Has to be called inside a runtime.
+    pub async fn open_or_create(
+        url: &str,
+        specification: &Specification,
+        blobs: Option<&Path>,
+    ) -> Result<Self, SharedStoreError> {
+        let database = Database::new(url)?;
+        let folder = match blobs {
+            Some(folder) => {
+                fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
+                Some(fs::canonicalize(folder).map_err(FileError::new("find", folder))?)
+            }
+            None => None,
+        };
+        // What is read after the writing decides: somebody else may write at the same time.
+        let (specification, folder) = loop {
+            let kept = database.open().await?;
+            let (wanted, place) = match &kept {
+                Some(kept) => check(database.name(), kept, specification, folder.clone())?,
+                None => {
+                    let unknown = || SharedStoreError::BlobsUnknown(database.name().to_owned());
+                    (specification.clone(), folder.clone().ok_or_else(unknown)?)
+                }
+            };
+            let identity = Identity {
+                renderer_version: RENDERER_VERSION.to_owned(),
+                specification_hash: wanted.hash().as_bytes().to_vec(),
+                specification: wanted.to_json(),
+                blobs: place.display().to_string(),
+            };
+            if kept.as_ref() == Some(&identity) {
+                break (wanted, place);
+            }
+            database.make(&identity, wanted.materials).await?;
+        };
+        let (staging, staging_lock) = make_staging(&folder)?;
+        let blobs = Blobs::staged_in(&folder, staging);
+        blobs.prepare()?;
+        Ok(Self {
+            database,
+            specification,
+            blobs,
+            staging_lock,
+        })
+    }
+
+    /// The database, without a password.
+    pub fn name(&self) -> &str {
+        self.database.name()
+    }
+
+    /// The specification; its number of materials is the largest ever asked for.
+    pub fn specification(&self) -> &Specification {
+        &self.specification
+    }
+}
+
+/// Compares what a database is about with what is wanted of it; the specification that is then to
+/// be there, and the folder of the images.
+fn check(
+    name: &str,
+    kept: &Identity,
+    wanted: &Specification,
+    folder: Option<PathBuf>,
+) -> Result<(Specification, PathBuf), SharedStoreError> {
+    if kept.renderer_version != RENDERER_VERSION {
+        return Err(SharedStoreError::Renderer {
+            name: name.to_owned(),
+            found: kept.renderer_version.clone(),
+        });
+    }
+    let damaged = |reason: String| SharedStoreError::Damaged {
+        name: name.to_owned(),
+        reason,
+    };
+    let mut specification = Specification::from_json(&kept.specification)
+        .map_err(|error| damaged(error.to_string()))?;
+    let hash = specification.hash();
+    if kept.specification_hash != hash.as_bytes() {
+        return Err(damaged(format!(
+            "its specification has the hash {hash}, and it names another"
+        )));
+    }
+    if hash != wanted.hash() {
+        return Err(SharedStoreError::Specification {
+            name: name.to_owned(),
+            found: hash,
+            given: wanted.hash(),
+        });
+    }
+    let found = PathBuf::from(&kept.blobs);
+    if let Some(given) = folder
+        && given != found
+    {
+        return Err(SharedStoreError::Blobs {
+            name: name.to_owned(),
+            found,
+            given,
+        });
+    }
+    specification.materials = specification.materials.max(wanted.materials);
+    Ok((specification, found))
+}
+
+/// Makes a folder to stage uploads in, locked, and removes those that nobody has locked any more.
+fn make_staging(root: &Path) -> Result<(PathBuf, File), FileError> {
+    let staging = root.join("staging");
+    fs::create_dir_all(&staging).map_err(FileError::new("make", &staging))?;
+    for entry in fs::read_dir(&staging).map_err(FileError::new("list", &staging))? {
+        let path = entry.map_err(FileError::new("list", &staging))?.path();
+        if path.extension().is_none_or(|extension| extension != "lock") {
+            continue;
+        }
+        let Ok(lock) = File::open(&path) else {
+            continue;
+        };
+        if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
+            // Somebody else may be clearing it as well.
+            drop(fs::remove_dir_all(path.with_extension("")));
+            drop(fs::remove_file(&path));
+        }
+    }
+    let mut number = [0; 8];
+    getrandom::fill(&mut number)
+        .map_err(|error| FileError::new("name a folder in", &staging)(error.into()))?;
+    let own = staging.join(format!("{:016x}", u64::from_be_bytes(number)));
+    let path = own.with_extension("lock");
+    let lock = File::create_new(&path).map_err(FileError::new("make", &path))?;
+    flock(&lock, FlockOperation::NonBlockingLockExclusive)
+        .map_err(|error| FileError::new("lock", &path)(error.into()))?;
+    Ok((own, lock))
+}

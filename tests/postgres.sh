@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# The board on PostgreSQL, at length.
+#
+#   tests/postgres.sh model     100,000 and more random operations against the model (an hour)
+#   tests/postgres.sh measure   claims and completions a second with 1, 4 and 16 clients and three
+#                               million jobs; dead tuples and sizes
+#
+# BRDFARM_TEST_POSTGRES=URL      for model: use this server, not a private one
+# BRDFARM_MEASURE_SECONDS=30     how long each is measured
+# BRDFARM_SOAK_SECONDS=600       go on for so long afterwards, telling of dead tuples every minute
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+deploy/install-postgres.sh
+case "${1:-}" in
+  model) cargo test -p coordinator --lib for_long -- --ignored --nocapture ;;
+  measure) cargo test --release -p coordinator --lib three_million_jobs -- --ignored --nocapture ;;
+  *) sed -n '2,/^set/{s/^# \{0,1\}//;/^set/!p}' "$0" >&2; exit 2 ;;
+esac
