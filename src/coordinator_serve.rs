@@ -6,7 +6,7 @@ use crate::plural::count;
 use crate::{shutdown, specification};
 use clap::{Args, Subcommand};
 use coordinator::security::{Security, Tls};
-use coordinator::{Coordinator, Policy, Store};
+use coordinator::{BucketUrl, Coordinator, Policy, Store};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -30,6 +30,11 @@ pub struct Options {
     /// The folder that images, labels and ledger live in
     #[arg(long, default_value = "store", value_name = "DIR")]
     store: PathBuf,
+    /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// az://CONTAINER/PREFIX. Workers send them there themselves. Keys and endpoints come from the
+    /// environment, as AWS_ACCESS_KEY_ID; the store remembers the place
+    #[arg(long, value_name = "URL")]
+    blobs: Option<BucketUrl>,
     /// Where to listen; port 0 takes a free one. The URL for workers is printed
     #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
@@ -66,7 +71,7 @@ pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
     let for_coordinator = options.for_coordinator()?;
     Coordinator::check(&specification, &for_coordinator)?;
-    let store = Store::open_or_create(&options.store, &specification)?;
+    let store = Store::open_or_create_in(&options.store, &specification, options.blobs.as_ref())?;
     let runtime = tokio::runtime::Runtime::new()?;
     runtime.block_on(serve(options, for_coordinator, store))
 }

@@ -5,7 +5,8 @@
 //! | [`queue`] | the jobs' state machine: no sockets, no clock, no input or output |
 //! | [`ledger`] | jobs, completions and the index of images, in sled |
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
-//! | [`blobs`] | images by digest |
+//! | [`blobs`] | images by digest, in files or in a bucket |
+//! | [`bucket`] | objects of S3, Google Cloud Storage or Azure |
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`verify`] | every image present, intact and what it says it is |
@@ -18,6 +19,7 @@
 
 pub mod acceptance;
 pub mod blobs;
+pub mod bucket;
 mod commit;
 mod completion;
 pub mod completion_log;
@@ -40,6 +42,7 @@ pub mod store;
 pub mod token;
 pub mod verify;
 
+pub use bucket::{Bucket, BucketUrl};
 pub use completion::Completion;
 pub use farm::Progress;
 pub use file_error::FileError;

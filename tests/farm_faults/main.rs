@@ -7,8 +7,11 @@
     reason = "seeds and counts are what these runs are for"
 )]
 
+mod bucket;
 mod campaign;
 mod faults;
 mod harness;
+mod liar;
 mod power;
 mod proxy;
+mod s3;

@@ -140,6 +140,7 @@ async fn work(
             let view = proto::View {
                 digest,
                 size: image.len() as u64,
+                md5: Vec::new(),
                 statistics: Some(proto::ErrorStatistics::default()),
             };
             let message = proto::CompleteRequest {

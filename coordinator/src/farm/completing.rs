@@ -1,7 +1,7 @@
 //! Recording completions.
 
 use super::{
-    Farm, FarmError,
+    Farm, FarmError, Md5,
     events::{Event, EventKind},
     random,
 };
@@ -34,21 +34,35 @@ struct Judged {
 
 impl Farm {
     /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in here.
+    /// and is what it should be. Who rendered it is filled in here. `md5s` are those of the views
+    /// in order, where images are in a bucket.
     pub async fn complete(
         &self,
         token: Token,
         completion: Completion,
+        md5s: &[Option<Md5>],
     ) -> Result<Outcome, FarmError> {
         self.check_completion(&completion)?;
         let material = completion.material;
         let unstaged = self.unstaged_images(token, &completion)?;
-        let stored = self.stored(unstaged).await?;
+        let uploads = match self.blobs.objects() {
+            Some(objects) if !unstaged.is_empty() => {
+                Some(self.settle(objects, token, &completion, md5s).await?)
+            }
+            _ => None,
+        };
+        let stored = match &uploads {
+            Some(settled) => settled.stored.clone(),
+            None => self.stored(unstaged).await?,
+        };
         let (judged, pending) = match self.judge(token, completion, &stored)? {
             Ok(judged) => judged,
             Err(missing) => return Ok(Outcome::Missing(missing)),
         };
         pending.durable().await?;
+        if let Some(settled) = uploads {
+            settled.clear();
+        }
         self.tell_judged(material, &judged);
         Ok(match judged.verdict {
             Verdict::Repeated => Outcome::Repeated,

@@ -1,7 +1,10 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::{acceptance, ledger::BlobPlace, limits, staging::StagedImage};
+use crate::{
+    acceptance, blobs::Blobs, file_error::FileError, ledger::BlobPlace, limits,
+    staging::StagedImage,
+};
 use dataset::Digest;
 use std::sync::Arc;
 use tokio::task;
@@ -31,6 +34,9 @@ impl Farm {
         size: u64,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
+        if self.blobs.objects().is_some() {
+            return Err(FarmError::ByUrl);
+        }
         let received = data.as_ref().len() as u64;
         if received != size {
             return Err(FarmError::Invalid(format!(
@@ -98,18 +104,33 @@ impl Farm {
         let ledger = Arc::clone(&self.ledger);
         let blobs = self.blobs.clone();
         task::spawn_blocking(move || {
-            digests
-                .into_iter()
-                .map(|digest| {
-                    let place = match ledger.blob(&digest)? {
-                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
-                        _ => None,
-                    };
-                    Ok((digest, place))
-                })
-                .collect()
+            let mut places = Vec::with_capacity(digests.len());
+            for digest in digests {
+                places.push((digest, ledger.blob(&digest)?));
+            }
+            let known: Vec<Digest> = places
+                .iter()
+                .filter_map(|(digest, place)| place.map(|_| *digest))
+                .collect();
+            let sizes = blobs
+                .sizes(&known)
+                .map_err(|error| blobs_away(&blobs, error))?;
+            let known = places.iter_mut().filter(|(_, place)| place.is_some());
+            for ((_, place), size) in known.zip(sizes) {
+                *place = place.filter(|place| size == Some(place.bytes));
+            }
+            Ok(places)
         })
         .await
         .map_err(|_| FarmError::Interrupted)?
+    }
+}
+
+/// An error of the place that images are in. A bucket may answer again at any time; a disk that
+/// fails is another matter.
+pub(super) fn blobs_away(blobs: &Blobs, error: FileError) -> FarmError {
+    match blobs.objects() {
+        Some(_) => FarmError::Bucket(error),
+        None => FarmError::File(error),
     }
 }

@@ -10,11 +10,13 @@ mod events;
 mod images;
 mod leasing;
 mod operating;
+mod uploads;
 
 pub(crate) use completing::Outcome;
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
 pub(crate) use operating::{Changed, WorkerReport};
+pub(crate) use uploads::Md5;
 
 use crate::{
     blobs::Blobs,
@@ -33,6 +35,7 @@ use crate::{
 use dataset::{Digest, Specification};
 use events::Events;
 use std::{
+    collections::HashSet,
     fs::File,
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Duration,
@@ -77,6 +80,8 @@ struct State {
     failures: u64,
     leases_lost: u64,
     images_completed: Rate,
+    // Images whose objects a completion under way is giving their names.
+    settling: HashSet<Digest>,
 }
 
 struct Shared {
@@ -157,6 +162,7 @@ impl Farm {
                 failures: 0,
                 leases_lost: 0,
                 images_completed: Rate::default(),
+                settling: HashSet::new(),
             }),
             work: Notify::new(),
             progress: watch::channel(Progress::default()).0,
