@@ -6,7 +6,7 @@ use crate::plural::count;
 use crate::{shutdown, specification};
 use clap::{Args, Subcommand};
 use coordinator::security::{Security, Tls};
-use coordinator::{AnyStore, Coordinator, Policy, SharedStore, Store};
+use coordinator::{AnyStore, BlobsPlace, Coordinator, Policy, SharedStore, Store};
 use dataset::Specification;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
@@ -37,9 +37,12 @@ pub struct Options {
         value_name = "DIR|postgres://USER@HOST/DATABASE"
     )]
     store: PathBuf,
-    /// The folder of the images where --store is a database: all coordinators have to reach it
-    #[arg(long, value_name = "DIR")]
-    blobs: Option<PathBuf>,
+    /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// az://CONTAINER/PREFIX. Workers send them there themselves. Keys and endpoints come from the
+    /// environment, as AWS_ACCESS_KEY_ID; the store remembers the place. Where --store is a
+    /// database, also a folder that all coordinators reach
+    #[arg(long, value_name = "URL|DIR")]
+    blobs: Option<BlobsPlace>,
     /// Where to listen; port 0 takes a free one. The URL for workers is printed
     #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
@@ -92,16 +95,20 @@ impl Options {
             .to_str()
             .filter(|name| SharedStore::is_named_by(name));
         if let Some(url) = url {
-            let blobs = self.blobs.as_deref();
+            let blobs = self.blobs.as_ref();
             let store = SharedStore::open_or_create(url, specification, blobs).await?;
             let name = store.name().to_owned();
             return Ok((store.into(), name));
         }
-        if self.blobs.is_some() {
-            let reason = "--blobs: a store in a folder has its images there";
-            return Err(BadInput(reason.to_owned()).into());
-        }
-        let store = Store::open_or_create(&self.store, specification)?;
+        let bucket = match &self.blobs {
+            None => None,
+            Some(BlobsPlace::Bucket(url)) => Some(url),
+            Some(BlobsPlace::Folder(_)) => {
+                let reason = "--blobs: a store in a folder has its images there, or in a bucket";
+                return Err(BadInput(reason.to_owned()).into());
+            }
+        };
+        let store = Store::open_or_create_in(&self.store, specification, bucket)?;
         Ok((store.into(), self.store.display().to_string()))
     }
 

@@ -68,6 +68,8 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
                 StoreError::Absent(_)
                     | StoreError::Occupied { .. }
                     | StoreError::Specification { .. }
+                    | StoreError::OtherBlobs { .. }
+                    | StoreError::ForeignBucket(_)
             )
         )
         || matches!(

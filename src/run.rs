@@ -5,7 +5,9 @@ use crate::plural::count;
 use crate::progress::FarmBar;
 use crate::{cores, shutdown, specification};
 use clap::Args;
-use coordinator::{Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator, Store};
+use coordinator::{
+    BucketUrl, Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator, Store,
+};
 use export::manifest::{Format, export};
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
@@ -31,6 +33,11 @@ pub struct Options {
     /// The folder that images, labels and ledger live in
     #[arg(long, default_value = "store", value_name = "DIR")]
     store: PathBuf,
+    /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// az://CONTAINER/PREFIX. Keys and endpoints come from the environment, as AWS_ACCESS_KEY_ID;
+    /// the store remembers the place
+    #[arg(long, value_name = "URL")]
+    blobs: Option<BucketUrl>,
     /// Workers, each rendering one material at a time; 0 takes one a core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
@@ -55,7 +62,7 @@ struct Rendered {
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
     Coordinator::check(&specification, &coordinator_options())?;
-    let store = Store::open_or_create(&options.store, &specification)?;
+    let store = Store::open_or_create_in(&options.store, &specification, options.blobs.as_ref())?;
     let workers = cores::count(options.workers);
     // Lives to the end: it is what listens for somebody asking the process to stop.
     let runtime = tokio::runtime::Runtime::new()?;

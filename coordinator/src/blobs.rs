@@ -1,31 +1,38 @@
-//! The blob store: images as files that are named by their BLAKE3 digest.
+//! The blob store: images named by their BLAKE3 digest, as files of the store or in a bucket.
 //!
-//! `blobs/ab/<64 digits>.exr` holds what is complete; `staging/` holds what was uploaded and
-//! awaits its completion, under names that a restart forgets. Nothing that came over the network
-//! becomes part of a path: paths are made of parsed digests and of numbers counted here.
+//! `blobs/ab/<64 digits>.exr` holds what is complete. What was uploaded and awaits its completion
+//! lies in `staging/`: in a folder under names that a restart forgets, in a bucket under names that
+//! its lease gives, so that any coordinator finds it.
 //!
-//! The files are written through `std::fs` because durability is in the details: one `syncfs`
-//! before and one after the renames of a whole batch (the local backend of the `object_store`
-//! crate syncs neither file nor folder). A store in a bucket goes behind this same type.
+//! Files come through the coordinator, which checks them before it stages them; objects of a bucket
+//! come from the workers themselves (`farm/uploads.rs`).
 
-use crate::file_error::FileError;
-use dataset::{Digest, blob_path};
-use std::{
-    fs::{self, File},
-    io::{self, Read, Write},
-    path::{Path, PathBuf},
-    sync::{
-        Arc,
-        atomic::{AtomicU64, Ordering},
-    },
+mod folder;
+mod objects;
+
+pub(crate) use folder::sync_file_system;
+pub use objects::Objects;
+pub(crate) use objects::{Claimed, staging_key};
+
+use crate::{
+    bucket::{Bucket, BucketUrl},
+    file_error::FileError,
 };
+use dataset::Digest;
+use folder::Folder;
+use std::path::{Path, PathBuf};
 
 /// The images of one store. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Blobs {
     root: PathBuf,
-    staging: PathBuf,
-    staged: Arc<AtomicU64>,
+    place: Place,
+}
+
+#[derive(Clone, Debug)]
+enum Place {
+    Folder(Folder),
+    Bucket(Objects),
 }
 
 /// An uploaded image that is not durable yet. Whoever holds it decides: [`Blobs::publish`] or
@@ -37,10 +44,35 @@ pub struct StagedFile {
     path: PathBuf,
 }
 
+/// Something that lies among the images.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Where it is.
+    pub path: PathBuf,
+    /// Its size.
+    pub bytes: u64,
+    /// What its name makes of it.
+    pub name: Name,
+}
+
+/// What the name of a file or an object makes of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Name {
+    /// An image that is complete.
+    Image(Digest),
+    /// Uploaded into a bucket, and its material not complete when it came.
+    Upload,
+    /// Put there by somebody else.
+    Other,
+}
+
 impl Blobs {
-    /// The images of the store in `root`; touches nothing.
+    /// The images of the store in `root`, as its files; touches nothing.
     pub fn new(root: &Path) -> Self {
-        Self::staged_in(root, root.join("staging"))
+        Self {
+            root: root.to_owned(),
+            place: Place::Folder(Folder::new(root)),
+        }
     }
 
     /// The same, with uploads staged in a folder on the same file system that nobody else stages
@@ -48,43 +80,55 @@ impl Blobs {
     pub fn staged_in(root: &Path, staging: PathBuf) -> Self {
         Self {
             root: root.to_owned(),
-            staging,
-            staged: Arc::default(),
+            place: Place::Folder(Folder::staged_in(root, staging)),
+        }
+    }
+
+    /// The images of the store in `root`, which are in a bucket; asks nobody yet.
+    ///
+    /// # Errors
+    /// When the environment makes no sense of it.
+    pub fn in_bucket(root: &Path, url: &BucketUrl) -> Result<Self, FileError> {
+        Ok(Self {
+            root: root.to_owned(),
+            place: Place::Bucket(Objects::new(Bucket::open(url)?)),
+        })
+    }
+
+    /// The bucket that they are in, if they are.
+    pub fn objects(&self) -> Option<&Objects> {
+        match &self.place {
+            Place::Folder(_) => None,
+            Place::Bucket(objects) => Some(objects),
         }
     }
 
     /// Makes the folders and drops what a process before this one staged. Only for the process
-    /// that holds the store's lock.
+    /// that holds the store's lock. What was uploaded into a bucket stays for its lease to complete.
     pub fn prepare(&self) -> Result<(), FileError> {
-        let staging = self.staging.clone();
-        match fs::remove_dir_all(&staging) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => {
-                return Err(FileError::new("clear", &staging)(error));
-            }
-            _ => {}
+        match &self.place {
+            Place::Folder(folder) => folder.prepare(),
+            Place::Bucket(_) => Ok(()),
         }
-        for folder in [staging, self.root.join("blobs")] {
-            fs::create_dir_all(&folder).map_err(FileError::new("make", &folder))?;
-        }
-        Ok(())
     }
 
-    /// Writes an image into staging, without syncing.
-    pub fn stage(&self, digest: Digest, bytes: &[u8]) -> Result<StagedFile, FileError> {
-        let number = self.staged.fetch_add(1, Ordering::Relaxed);
-        let path = self.staging.join(format!("{number}.exr"));
-        let written = File::create_new(&path).and_then(|mut file| file.write_all(bytes));
-        if let Err(error) = written {
-            // The error that counts is the first; a leftover is cleared at the next start.
-            drop(fs::remove_file(&path));
-            return Err(FileError::new("write", &path)(error));
+    /// Makes sure that a bucket's place is this store's, which is called `owner`.
+    pub(crate) fn claim(&self, owner: &str) -> Result<Claimed, FileError> {
+        match &self.place {
+            Place::Folder(_) => Ok(Claimed::Ours),
+            Place::Bucket(objects) => objects.claim(owner),
         }
-        Ok(StagedFile { digest, path })
+    }
+
+    /// Writes an image into a folder's staging, without syncing. Images for a bucket are never
+    /// staged here.
+    pub fn stage(&self, digest: Digest, bytes: &[u8]) -> Result<StagedFile, FileError> {
+        self.folder().stage(digest, bytes)
     }
 
     /// Drops a staged image.
     pub fn discard(&self, staged: &StagedFile) {
-        if let Err(error) = fs::remove_file(&staged.path) {
+        if let Err(error) = std::fs::remove_file(&staged.path) {
             tracing::warn!(path = %staged.path.display(), %error, "cannot remove a staged image");
         }
     }
@@ -99,69 +143,110 @@ impl Blobs {
         if staged.clone().next().is_none() {
             return Ok(());
         }
-        self.sync()?;
-        for file in staged {
-            let path = self.path(&file.digest);
-            let mut renamed = fs::rename(&file.path, &path);
-            // There are 256 folders, so nearly always it is there.
-            if let (Err(error), Some(folder)) = (&renamed, path.parent())
-                && error.kind() == io::ErrorKind::NotFound
-            {
-                fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
-                renamed = fs::rename(&file.path, &path);
+        self.folder().publish(staged)
+    }
+
+    /// Puts images that were checked under their names, durably, whatever was there before.
+    pub fn put(&self, images: &[(Digest, Vec<u8>)]) -> Result<(), FileError> {
+        match &self.place {
+            Place::Folder(folder) => {
+                let staged = images
+                    .iter()
+                    .map(|(digest, bytes)| folder.stage(*digest, bytes))
+                    .collect::<Result<Vec<_>, FileError>>()?;
+                self.publish(staged.iter())
             }
-            renamed.map_err(FileError::new("rename to", &path))?;
+            Place::Bucket(objects) => objects.put(images),
         }
-        self.sync()
     }
 
-    /// Syncs the file system that the store is on.
-    pub fn sync(&self) -> Result<(), FileError> {
-        File::open(&self.root)
-            .and_then(|root| Ok(rustix::fs::syncfs(root)?))
-            .map_err(FileError::new("sync the file system of", &self.root))
-    }
-
-    /// Room on the file system that the store is on, bytes.
+    /// Room on the file system that the store's folder is on, bytes.
     pub fn free_bytes(&self) -> Result<u64, FileError> {
         let asked = rustix::fs::statvfs(&self.root);
         let system = asked.map_err(|error| FileError::new("look at", &self.root)(error.into()))?;
         Ok(system.f_bavail * system.f_frsize)
     }
 
-    /// Where an image is or would be.
+    /// Where an image is or would be, for people: a path, or a URL.
     pub fn path(&self, digest: &Digest) -> PathBuf {
-        self.root.join(blob_path(digest))
+        match &self.place {
+            Place::Folder(folder) => folder.path(digest),
+            Place::Bucket(objects) => objects.path(digest),
+        }
+    }
+
+    /// The sizes of images in bytes; `None` where one is missing.
+    pub fn sizes(&self, digests: &[Digest]) -> Result<Vec<Option<u64>>, FileError> {
+        match &self.place {
+            Place::Folder(folder) => digests.iter().map(|digest| folder.size(digest)).collect(),
+            Place::Bucket(objects) => objects.sizes(digests),
+        }
     }
 
     /// The size of an image in bytes; `None` where it is missing.
     pub fn size(&self, digest: &Digest) -> Result<Option<u64>, FileError> {
-        let path = self.path(digest);
-        match fs::metadata(&path) {
-            Ok(metadata) if metadata.is_file() => Ok(Some(metadata.len())),
-            Ok(_) => Ok(None),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(error) => Err(FileError::new("read", &path)(error)),
+        match &self.place {
+            Place::Folder(folder) => folder.size(digest),
+            Place::Bucket(objects) => Ok(objects.sizes(&[*digest])?[0]),
         }
     }
 
     /// Reads an image that should have `bytes` bytes, and at most one more: a file that grew shows,
     /// and costs no memory. Checks nothing; `verify` does.
     pub fn read(&self, digest: &Digest, bytes: u64) -> Result<Vec<u8>, FileError> {
-        let path = self.path(digest);
-        // Room for all of it, so that it is read at once; sizes that no image has are not believed.
-        let room = bytes.min(proto::limits::BLOB_BYTES_MAX) + 1;
-        let mut content = Vec::with_capacity(room as usize);
-        File::open(&path)
-            .and_then(|file| file.take(bytes + 1).read_to_end(&mut content))
-            .map_err(FileError::new("read", &path))?;
-        Ok(content)
+        match &self.place {
+            Place::Folder(folder) => folder.read(digest, bytes),
+            Place::Bucket(objects) => {
+                let mut read = objects.read(&[(*digest, bytes)]);
+                read.swap_remove(0)
+            }
+        }
+    }
+
+    /// Reads images one after another as they are asked for; those in a bucket several at a time,
+    /// and all before the first is handed out, so that nobody waits for each. Meant for the images
+    /// of one material.
+    pub fn read_each<'a>(
+        &'a self,
+        images: Vec<(Digest, u64)>,
+    ) -> Box<dyn Iterator<Item = Result<Vec<u8>, FileError>> + 'a> {
+        match &self.place {
+            Place::Folder(folder) => {
+                let images = images.into_iter();
+                Box::new(images.map(|(digest, bytes)| folder.read(&digest, bytes)))
+            }
+            Place::Bucket(objects) => Box::new(objects.read(&images).into_iter()),
+        }
+    }
+
+    /// Tells everything that lies among the images, and uploads that a bucket has.
+    pub fn for_each(&self, look: &mut dyn FnMut(Entry)) -> Result<(), FileError> {
+        match &self.place {
+            Place::Folder(folder) => folder.for_each(look),
+            Place::Bucket(objects) => objects.for_each(look),
+        }
+    }
+
+    /// Removes what lies there.
+    pub fn remove(&self, paths: &[PathBuf]) -> Result<(), FileError> {
+        match &self.place {
+            Place::Folder(folder) => folder.remove(paths),
+            Place::Bucket(objects) => objects.remove(paths),
+        }
+    }
+
+    fn folder(&self) -> &Folder {
+        match &self.place {
+            Place::Folder(folder) => folder,
+            Place::Bucket(_) => unreachable!("nothing is staged here for a bucket"),
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::fs;
 
     #[test]
     fn staged_becomes_published_and_a_restart_forgets_the_rest() {

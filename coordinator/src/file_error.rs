@@ -20,7 +20,7 @@ pub struct FileError {
 
 impl FileError {
     /// For `map_err`: puts the action and the path to what the system said.
-    pub(crate) fn new(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+    pub(crate) fn new(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self + use<> {
         let path = path.to_owned();
         move |source| Self {
             action,

@@ -6,7 +6,8 @@
 //! | `board` | every transition of the queue, made durable |
 //! | [`ledger`] | jobs, completions and the index of images, in sled |
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
-//! | [`blobs`] | images by digest |
+//! | [`blobs`] | images by digest, in files or in a bucket |
+//! | [`bucket`] | objects of S3, Google Cloud Storage or Azure |
 //! | [`store`] | one folder with all three, for one writer and any number of readers |
 //! | `postgres` | the board on PostgreSQL, for any number of coordinators |
 //! | [`shared_store`] | a database, and a folder of images, that they share |
@@ -22,6 +23,7 @@
 pub mod acceptance;
 pub mod blobs;
 mod board;
+pub mod bucket;
 mod commit;
 mod completion;
 pub mod completion_log;
@@ -46,11 +48,12 @@ pub mod store;
 pub mod token;
 pub mod verify;
 
+pub use bucket::{Bucket, BucketUrl};
 pub use completion::Completion;
 pub use farm::Progress;
 pub use file_error::FileError;
 pub use queue::Policy;
 pub use recovery::Recovery;
 pub use running::{AnyStore, Coordinator, CoordinatorError, Options, RunningCoordinator, Services};
-pub use shared_store::{SharedStore, SharedStoreError};
+pub use shared_store::{BlobsPlace, SharedStore, SharedStoreError};
 pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};

@@ -184,12 +184,13 @@ pub(crate) async fn serve(
 
 /// The last part of a path that is known; paths come from outside, and every name costs memory.
 fn call_name(path: &str) -> &'static str {
-    const CALLS: [&str; 23] = [
+    const CALLS: [&str; 24] = [
         "GetDataset",
         "Register",
         "Lease",
         "Renew",
         "FindMissingBlobs",
+        "GetUploadUrls",
         "PutBlob",
         "Complete",
         "Fail",

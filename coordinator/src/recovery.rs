@@ -12,6 +12,7 @@ use crate::{
     ledger::{Ledger, LedgerError, SledLedger},
     queue::{Changes, Check, JobChange, JobRecord, JobState},
 };
+use dataset::Digest;
 use std::{
     collections::BTreeMap,
     fs,
@@ -170,12 +171,10 @@ fn is_completed(job: Option<&JobRecord>) -> bool {
 }
 
 fn has_images(completion: &Completion, blobs: &Blobs) -> Result<bool, FileError> {
-    for view in &completion.views {
-        if blobs.size(&view.digest)? != Some(view.bytes) {
-            return Ok(false);
-        }
-    }
-    Ok(true)
+    let digests: Vec<Digest> = completion.views.iter().map(|view| view.digest).collect();
+    let sizes = blobs.sizes(&digests)?;
+    let recorded = completion.views.iter().map(|view| Some(view.bytes));
+    Ok(sizes.into_iter().eq(recorded))
 }
 
 fn set_aside(ledger_path: &Path) -> Result<PathBuf, FileError> {

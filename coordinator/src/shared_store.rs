@@ -1,22 +1,26 @@
 //! A store of several coordinators: jobs, labels and leases in a PostgreSQL database, images in a
-//! folder that all of them reach.
+//! bucket, or in a folder that all of them reach.
 //!
-//! The database says what the dataset is and where its images are. A coordinator stages uploads in
-//! a folder of its own, which it keeps locked; what one that died left behind is cleared by the
-//! next that starts.
+//! The database says what the dataset is and where its images are. For images in a folder a
+//! coordinator stages uploads in a folder of its own, which it keeps locked; what one that died left
+//! behind is cleared by the next that starts.
 
 use crate::{
-    blobs::Blobs,
+    blobs::{Blobs, Claimed},
+    bucket::BucketUrl,
     file_error::FileError,
     postgres::{Database, Identity},
 };
 use dataset::{Digest, RENDERER_VERSION, Specification};
 use rustix::fs::{FlockOperation, flock};
 use std::{
+    fmt,
     fs::{self, File},
     path::{Path, PathBuf},
+    str::FromStr,
 };
 use thiserror::Error;
+use tokio::task;
 
 pub use crate::postgres::DatabaseError;
 
@@ -54,15 +58,18 @@ pub enum SharedStoreError {
     #[error("{0} is a new store: say where its images are to be, by --blobs")]
     BlobsUnknown(String),
     /// Its images are elsewhere.
-    #[error("the images of {name} are in {}, not in {}", found.display(), given.display())]
+    #[error("the images of {name} are in {found}, not in {given}")]
     Blobs {
         /// The database.
         name: String,
         /// Where they are.
-        found: PathBuf,
+        found: BlobsPlace,
         /// What was given.
-        given: PathBuf,
+        given: BlobsPlace,
     },
+    /// The place in the bucket is another store's.
+    #[error("{0} has the images of another store: choose another prefix")]
+    ForeignBucket(BucketUrl),
     /// It cannot be understood.
     #[error("{name} is damaged: {reason}")]
     Damaged {
@@ -76,13 +83,44 @@ pub enum SharedStoreError {
     File(#[from] FileError),
 }
 
+/// Where the images of a shared store are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BlobsPlace {
+    /// A folder that all coordinators reach.
+    Folder(PathBuf),
+    /// A place in a bucket, to which workers send images themselves.
+    Bucket(BucketUrl),
+}
+
+impl FromStr for BlobsPlace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if BucketUrl::is_meant(text) {
+            text.parse().map(Self::Bucket)
+        } else {
+            Ok(Self::Folder(text.into()))
+        }
+    }
+}
+
+impl fmt::Display for BlobsPlace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Folder(folder) => folder.display().fmt(f),
+            Self::Bucket(url) => url.fmt(f),
+        }
+    }
+}
+
 /// A store that any number of coordinators have open.
 pub struct SharedStore {
     pub(crate) database: Database,
     pub(crate) specification: Specification,
     pub(crate) blobs: Blobs,
-    // Held for as long as the store is open: what is staged here is somebody's.
-    pub(crate) staging_lock: File,
+    // Held for as long as the store is open, where images are in a folder: what is staged there is
+    // somebody's.
+    pub(crate) staging_lock: Option<File>,
 }
 
 impl SharedStore {
@@ -92,46 +130,55 @@ impl SharedStore {
     }
 
     /// Opens the store in a database, or makes one, for a specification. Asking for more materials
-    /// than before grows it; fewer are never wanted again. `blobs` is the folder of the images:
-    /// needed where the store is new, and else the one that it was made with.
+    /// than before grows it; fewer are never wanted again. `blobs` is where the images are: needed
+    /// where the store is new, and else the place that it was made with.
     ///
     /// Has to be called inside a runtime.
     pub async fn open_or_create(
         url: &str,
         specification: &Specification,
-        blobs: Option<&Path>,
+        blobs: Option<&BlobsPlace>,
     ) -> Result<Self, SharedStoreError> {
         let database = Database::new(url)?;
-        let folder = match blobs {
-            Some(folder) => {
+        let given = match blobs {
+            Some(BlobsPlace::Folder(folder)) => {
                 fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
-                Some(fs::canonicalize(folder).map_err(FileError::new("find", folder))?)
+                let folder = fs::canonicalize(folder).map_err(FileError::new("find", folder))?;
+                Some(BlobsPlace::Folder(folder))
             }
-            None => None,
+            other => other.cloned(),
         };
         // What is read after the writing decides: somebody else may write at the same time.
-        let (specification, folder) = loop {
+        let (specification, place) = loop {
             let kept = database.open().await?;
             let (wanted, place) = match &kept {
-                Some(kept) => check(database.name(), kept, specification, folder.clone())?,
+                Some(kept) => check(database.name(), kept, specification, given.clone())?,
                 None => {
                     let unknown = || SharedStoreError::BlobsUnknown(database.name().to_owned());
-                    (specification.clone(), folder.clone().ok_or_else(unknown)?)
+                    (specification.clone(), given.clone().ok_or_else(unknown)?)
                 }
             };
             let identity = Identity {
                 renderer_version: RENDERER_VERSION.to_owned(),
                 specification_hash: wanted.hash().as_bytes().to_vec(),
                 specification: wanted.to_json(),
-                blobs: place.display().to_string(),
+                blobs: place.to_string(),
             };
             if kept.as_ref() == Some(&identity) {
                 break (wanted, place);
             }
             database.make(&identity, wanted.materials).await?;
         };
-        let (staging, staging_lock) = make_staging(&folder)?;
-        let blobs = Blobs::staged_in(&folder, staging);
+        let (blobs, staging_lock) = match place {
+            BlobsPlace::Folder(folder) => {
+                let (staging, lock) = make_staging(&folder)?;
+                (Blobs::staged_in(&folder, staging), Some(lock))
+            }
+            BlobsPlace::Bucket(url) => {
+                let blobs = claimed_bucket(url, database.name().to_owned()).await?;
+                (blobs, None)
+            }
+        };
         blobs.prepare()?;
         Ok(Self {
             database,
@@ -153,13 +200,13 @@ impl SharedStore {
 }
 
 /// Compares what a database is about with what is wanted of it; the specification that is then to
-/// be there, and the folder of the images.
+/// be there, and the place of the images.
 fn check(
     name: &str,
     kept: &Identity,
     wanted: &Specification,
-    folder: Option<PathBuf>,
-) -> Result<(Specification, PathBuf), SharedStoreError> {
+    given: Option<BlobsPlace>,
+) -> Result<(Specification, BlobsPlace), SharedStoreError> {
     if kept.renderer_version != RENDERER_VERSION {
         return Err(SharedStoreError::Renderer {
             name: name.to_owned(),
@@ -185,8 +232,8 @@ fn check(
             given: wanted.hash(),
         });
     }
-    let found = PathBuf::from(&kept.blobs);
-    if let Some(given) = folder
+    let found: BlobsPlace = kept.blobs.parse().map_err(damaged)?;
+    if let Some(given) = given
         && given != found
     {
         return Err(SharedStoreError::Blobs {
@@ -197,6 +244,19 @@ fn check(
     }
     specification.materials = specification.materials.max(wanted.materials);
     Ok((specification, found))
+}
+
+/// The images of a store of this name in a bucket.
+async fn claimed_bucket(url: BucketUrl, owner: String) -> Result<Blobs, SharedStoreError> {
+    let claimed = task::spawn_blocking(move || {
+        // Of this machine's files it needs none.
+        let blobs = Blobs::in_bucket(Path::new("."), &url)?;
+        match blobs.claim(&owner)? {
+            Claimed::Others => Err(SharedStoreError::ForeignBucket(url)),
+            _ => Ok(blobs),
+        }
+    });
+    claimed.await.unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()))
 }
 
 /// Makes a folder to stage uploads in, locked, and removes those that nobody has locked any more.

@@ -5,7 +5,7 @@
 //! specification.json   the whole specification; its presence makes the folder a store
 //! completions.log      one line a completed material
 //! ledger/              jobs, completions, index of images
-//! blobs/ab/...exr      images by digest
+//! blobs/ab/...exr      images by digest, unless they are in a bucket
 //! staging/             uploads under way
 //! lock                 held by the one process that writes
 //! ```
@@ -16,7 +16,8 @@
 
 use crate::{
     acceptance::{Rejection, check_digest},
-    blobs::Blobs,
+    blobs::{Blobs, Claimed, sync_file_system},
+    bucket::BucketUrl,
     completion::Completion,
     completion_log::Completions,
     file_error::FileError,
@@ -96,6 +97,26 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
+    /// Its images are somewhere else than was asked for.
+    #[error(
+        "the store {} keeps its images in {found}, not in {given}: leave the option out, or choose \
+         another store",
+        path.display()
+    )]
+    OtherBlobs {
+        /// The store.
+        path: PathBuf,
+        /// Where it keeps them.
+        found: String,
+        /// Where they were to be.
+        given: BucketUrl,
+    },
+    /// The place in the bucket is not this store's.
+    #[error(
+        "{0} belongs to another store, or holds something else: choose another prefix for the \
+         images of this one"
+    )]
+    ForeignBucket(BucketUrl),
     /// The ledger cannot be used.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
@@ -132,6 +153,17 @@ struct Identity {
     layout: u32,
     renderer_version: String,
     specification_hash: Digest,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    bucket: Option<BucketPlace>,
+}
+
+/// Where images are that the store does not keep itself.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct BucketPlace {
+    url: BucketUrl,
+    /// What the store is called there: drawn at random when it was made.
+    owner: String,
 }
 
 /// A store open for writing; no other process has it so.
@@ -149,6 +181,16 @@ pub struct Store {
 impl Store {
     /// Opens the store in a folder, or makes one, for a specification.
     pub fn open_or_create(path: &Path, specification: &Specification) -> Result<Self, StoreError> {
+        Self::open_or_create_in(path, specification, None)
+    }
+
+    /// The same, with images in a bucket. Where none is given a new store keeps them itself, and
+    /// one that is there knows where they are.
+    pub fn open_or_create_in(
+        path: &Path,
+        specification: &Specification,
+        bucket: Option<&BucketUrl>,
+    ) -> Result<Self, StoreError> {
         fs::create_dir_all(path).map_err(FileError::new("make", path))?;
         if matches!(read_specification(path), Err(StoreError::Absent(_))) {
             // Before the lock, which would leave a file behind in a folder of somebody else.
@@ -157,10 +199,14 @@ impl Store {
         let lock = acquire(path)?;
         let kept = match read_specification(path) {
             Err(StoreError::Absent(_)) => {
-                create(path, specification)?;
+                create(path, specification, bucket)?;
                 specification.clone()
             }
-            kept => grow(path, kept?, specification)?,
+            kept => {
+                let kept = kept?;
+                check_bucket(path, bucket)?;
+                grow(path, kept, specification)?
+            }
         };
         Self::open_locked(path, kept, specification.materials, lock)
     }
@@ -181,12 +227,17 @@ impl Store {
         materials_asked: u32,
         lock: File,
     ) -> Result<Self, StoreError> {
-        let blobs = Blobs::new(path);
+        let (blobs, place) = open_blobs(path)?;
+        if let Some(place) = place
+            && blobs.claim(&place.owner)? == Claimed::Others
+        {
+            return Err(StoreError::ForeignBucket(place.url));
+        }
         blobs.prepare()?;
         let views = specification.views.len();
         let state = recover(&path.join("ledger"), &log_path(path), &blobs, views)?;
         // New folders and files are as durable as what will be put into them.
-        blobs.sync()?;
+        sync_file_system(path)?;
         Ok(Self {
             path: path.to_owned(),
             specification_hash: specification.hash(),
@@ -237,11 +288,7 @@ impl Store {
         completions: &[Completion],
         images: &[(Digest, Vec<u8>)],
     ) -> Result<(), StoreError> {
-        let staged = images
-            .iter()
-            .map(|(digest, bytes)| self.blobs.stage(*digest, bytes))
-            .collect::<Result<Vec<_>, FileError>>()?;
-        self.blobs.publish(staged.iter())?;
+        self.blobs.put(images)?;
         if completions.is_empty() {
             return Ok(());
         }
@@ -297,7 +344,7 @@ impl ReadOnlyStore {
             specification_hash: specification.hash(),
             specification,
             completions,
-            blobs: Blobs::new(path),
+            blobs: open_blobs(path)?.0,
         })
     }
 
@@ -357,27 +404,48 @@ impl ReadOnlyStore {
     /// # Errors
     /// Says what is wrong with its file.
     pub fn read_image(&self, image: &CompletedView) -> Result<Vec<u8>, ImageFault> {
-        let bytes = self
-            .blobs
-            .read(&image.digest, image.bytes)
-            .map_err(|error| match error.source.kind() {
-                io::ErrorKind::NotFound => ImageFault::Missing,
-                _ => ImageFault::Unreadable(error.source.to_string()),
-            })?;
-        if bytes.len() as u64 != image.bytes {
-            return Err(ImageFault::Size {
-                bytes: image.bytes,
-                more: bytes.len() as u64 > image.bytes,
-            });
-        }
-        check_digest(&bytes, image.digest).map_err(ImageFault::Digest)?;
-        Ok(bytes)
+        check_read(image, self.blobs.read(&image.digest, image.bytes))
     }
 
-    /// Where an image is.
+    /// The same for the images of one material: those in a bucket are read at one time.
+    pub fn read_images<'a>(
+        &'a self,
+        images: &'a [CompletedView],
+    ) -> impl Iterator<Item = Result<Vec<u8>, ImageFault>> + 'a {
+        let named = images.iter().map(|image| (image.digest, image.bytes));
+        let read = self.blobs.read_each(named.collect());
+        let read = images.iter().zip(read);
+        read.map(|(image, read)| check_read(image, read))
+    }
+
+    /// Where an image is, for people: a path, or a URL.
     pub fn image_path(&self, digest: &Digest) -> PathBuf {
         self.blobs.path(digest)
     }
+
+    /// Whether the images are files of this machine, which can be linked to.
+    pub fn has_files(&self) -> bool {
+        self.blobs.objects().is_none()
+    }
+}
+
+/// What was read as an image, if it is that image.
+fn check_read(
+    image: &CompletedView,
+    read: Result<Vec<u8>, FileError>,
+) -> Result<Vec<u8>, ImageFault> {
+    let bytes = read.map_err(|error| match error.source.kind() {
+        io::ErrorKind::NotFound => ImageFault::Missing,
+        _ => ImageFault::Unreadable(error.source.to_string()),
+    })?;
+    if bytes.len() as u64 != image.bytes {
+        return Err(ImageFault::Size {
+            bytes: image.bytes,
+            more: bytes.len() as u64 > image.bytes,
+        });
+    }
+    check_digest(&bytes, image.digest).map_err(ImageFault::Digest)?;
+    Ok(bytes)
 }
 
 fn log_path(store: &Path) -> PathBuf {
@@ -423,16 +491,52 @@ fn check_vacant(path: &Path) -> Result<(), StoreError> {
 }
 
 /// The identity goes first: the folder is a store from the moment it has a specification.
-fn create(path: &Path, specification: &Specification) -> Result<(), StoreError> {
+fn create(
+    path: &Path,
+    specification: &Specification,
+    bucket: Option<&BucketUrl>,
+) -> Result<(), StoreError> {
+    let place = |url: &BucketUrl| {
+        let mut owner = [0; 16];
+        getrandom::fill(&mut owner)
+            .map_err(|error| FileError::new("name", path)(io::Error::other(error)))?;
+        Ok::<_, FileError>(BucketPlace {
+            url: url.clone(),
+            owner: owner.iter().map(|byte| format!("{byte:02x}")).collect(),
+        })
+    };
     let identity = Identity {
         layout: LAYOUT,
         renderer_version: RENDERER_VERSION.to_owned(),
         specification_hash: specification.hash(),
+        bucket: bucket.map(place).transpose()?,
     };
     let json = serde_json::to_string_pretty(&identity)
         .map_err(|error| damaged(&path.join("store.json"), error))?;
     write_durably(&path.join("store.json"), json.as_bytes())?;
     write_specification(path, specification)
+}
+
+/// Where the images of a store are. Asks no bucket yet.
+fn open_blobs(path: &Path) -> Result<(Blobs, Option<BucketPlace>), StoreError> {
+    let place = read_identity(path)?.bucket;
+    let blobs = match &place {
+        None => Blobs::new(path),
+        Some(place) => Blobs::in_bucket(path, &place.url)?,
+    };
+    Ok((blobs, place))
+}
+
+fn check_bucket(path: &Path, given: Option<&BucketUrl>) -> Result<(), StoreError> {
+    let found = read_identity(path)?.bucket.map(|place| place.url);
+    match given {
+        Some(given) if found.as_ref() != Some(given) => Err(StoreError::OtherBlobs {
+            path: path.to_owned(),
+            found: found.map_or("its own folder".to_owned(), |url| url.to_string()),
+            given: given.clone(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 fn grow(
@@ -476,9 +580,8 @@ fn read_specification(store: &Path) -> Result<Specification, StoreError> {
         json => json?,
     };
     let specification = Specification::from_json(&json).map_err(|error| damaged(&path, error))?;
+    let identity = read_identity(store)?;
     let path = store.join("store.json");
-    let identity: Identity =
-        serde_json::from_str(&read_bounded(&path)?).map_err(|error| damaged(&path, error))?;
     if identity.layout != LAYOUT {
         let reason = format!(
             "the store has layout {}, and this program knows layout {LAYOUT}",
@@ -501,6 +604,11 @@ fn read_specification(store: &Path) -> Result<Specification, StoreError> {
         return Err(damaged(&path, reason));
     }
     Ok(specification)
+}
+
+fn read_identity(store: &Path) -> Result<Identity, StoreError> {
+    let path = store.join("store.json");
+    serde_json::from_str(&read_bounded(&path)?).map_err(|error| damaged(&path, error))
 }
 
 fn read_bounded(path: &Path) -> Result<String, StoreError> {

@@ -252,10 +252,11 @@ fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) ->
         report.faults.push(whole(FaultKind::Views, what));
         return report;
     }
-    for (view, header) in completion.views.iter().zip(&expected) {
+    let read = store.read_images(&completion.views);
+    for ((view, header), read) in completion.views.iter().zip(&expected).zip(read) {
         let again = is_chosen(checks, material, header.view);
         report.images_rerendered += u64::from(again);
-        let checked = verify_image(store, view, header).and_then(|lit| {
+        let checked = verify_image(store, read, header).and_then(|lit| {
             check_light(checks, material, header.view, lit)?;
             match checks.renderer {
                 Some(renderer) if again => render_again(renderer, material, header.view, view),
@@ -282,10 +283,10 @@ fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) ->
 /// Checks an image without a renderer and returns whether any of its pixels is lit.
 fn verify_image(
     store: &ReadOnlyStore,
-    view: &CompletedView,
+    read: Result<Vec<u8>, ImageFault>,
     expected: &ImageHeader,
 ) -> Result<bool, (FaultKind, String)> {
-    let bytes = store.read_image(view).map_err(|fault| {
+    let bytes = read.map_err(|fault| {
         let kind = match fault {
             ImageFault::Missing => FaultKind::Missing,
             ImageFault::Unreadable(_) => FaultKind::Unreadable,

@@ -19,7 +19,10 @@ pub(crate) fn beside(path: &Path) -> PathBuf {
 }
 
 /// For `map_err`: puts action and path to what the system said.
-pub(crate) fn unable(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError {
+pub(crate) fn unable(
+    action: &'static str,
+    path: &Path,
+) -> impl FnOnce(io::Error) -> FileError + use<> {
     let path = path.to_owned();
     move |source| FileError {
         action,

@@ -5,7 +5,7 @@ use crate::{
     selection::{Chosen, Selection},
 };
 use coordinator::{ReadOnlyStore, acceptance::decode};
-use dataset::{Digest, RENDERER_VERSION, Split};
+use dataset::{CompletedView, Digest, RENDERER_VERSION, Split};
 use serde::Serialize;
 
 /// Below it in every channel a pixel is dark, in units of white.
@@ -121,11 +121,14 @@ pub fn statistics(
             .collect(),
     };
     for (number, &material) in (1..).zip(&chosen.materials) {
-        for (image, view) in chosen
-            .images_of(store, material)?
-            .iter()
-            .zip(&mut found.views)
-        {
+        let images = chosen.images_of(store, material)?;
+        let files: Vec<CompletedView> = images.iter().map(|image| image.done.clone()).collect();
+        // Nothing is read but for pixels.
+        let mut read = pixels
+            .then(|| store.read_images(&files))
+            .into_iter()
+            .flatten();
+        for (image, view) in images.iter().zip(&mut found.views) {
             found.bytes += image.done.bytes;
             let statistics = &image.done.statistics;
             view.bytes_mean += image.done.bytes as f64;
@@ -138,7 +141,9 @@ pub fn statistics(
                     path: store.image_path(&image.done.digest),
                     reason,
                 };
-                let bytes = store.read_image(&image.done);
+                let Some(bytes) = read.next() else {
+                    unreachable!("one is read for each image");
+                };
                 let bytes = bytes.map_err(|fault| faulty(fault.to_string()))?;
                 let decoded = decode(&bytes, &specification.image)
                     .map_err(|rejection| faulty(rejection.to_string()))?;

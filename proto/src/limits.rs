@@ -33,6 +33,9 @@ pub const LEASES_PER_WORKER_MAX: u32 = 256;
 /// The most digests one call asks for.
 pub const DIGESTS_PER_CALL_MAX: usize = 4096;
 
+/// Length of an MD5, bytes.
+pub const MD5_BYTES: usize = 16;
+
 /// The most views of a material that one completion reports.
 pub const VIEWS_MAX: usize = 64;
 

@@ -5,15 +5,15 @@ use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{cores, picture, progress};
 use clap::{Args, ValueEnum};
-use coordinator::ReadOnlyStore;
+use coordinator::{Bucket, BucketUrl, ReadOnlyStore};
 use dataset::{IndexList, Split};
 use export::card::Publication;
-use export::layout::{self, Layout, SHARD_BYTES, export};
+use export::layout::{self, Layout, Place, SHARD_BYTES, export};
 use export::product::Products;
 use export::rectify::SIDE_PIXELS_MAX;
 use export::selection::Selection;
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Materials on the picture of the dataset card.
 const EXAMPLE_MATERIALS_MAX: usize = 6;
@@ -27,8 +27,9 @@ const EXAMPLE_MATERIALS_MAX: usize = 6;
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Where to: an empty or a new folder, or an export to go on with
-    #[arg(value_name = "DIR")]
+    /// Where to: an empty or a new folder, or a place in a bucket such as s3://BUCKET/PREFIX, or
+    /// an export to go on with
+    #[arg(value_name = "DIR|URL")]
     folder: PathBuf,
     /// How images are laid out
     #[arg(long, value_enum)]
@@ -101,6 +102,16 @@ enum SplitName {
     Test,
 }
 
+/// A place in a bucket, where a path is meant so, or a folder.
+pub fn place(path: &Path) -> anyhow::Result<Place> {
+    match path.to_str() {
+        Some(url) if BucketUrl::is_meant(url) => Ok(Place::Bucket(Bucket::open(
+            &url.parse().map_err(BadInput)?,
+        )?)),
+        _ => Ok(Place::Folder(path.to_owned())),
+    }
+}
+
 /// Exports a store.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let layout = match options.layout {
@@ -113,7 +124,11 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         LayoutName::Webdataset => Layout::WebDataset,
         LayoutName::Huggingface => Layout::HuggingFace,
     };
+    let place = place(&options.folder)?;
     let store = ReadOnlyStore::open(&options.store.store)?;
+    if options.links && (!store.has_files() || matches!(place, Place::Bucket(_))) {
+        return Err(BadInput("--links needs images and export in folders".to_owned()).into());
+    }
     let view_count = store.specification().views.len() as u32;
     let views = options
         .views
@@ -148,7 +163,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         &store,
         &export_options,
         &examples,
-        &options.folder,
+        place.clone(),
         &|images| {
             bar.set_position(images);
         },
@@ -159,7 +174,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     write!(
         out,
         "{}: {}",
-        options.folder.display(),
+        place.name().display(),
         count(exported.rows, "image")
     )?;
     if exported.materials_missing > 0 {

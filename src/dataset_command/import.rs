@@ -1,28 +1,34 @@
 //! `brdfarm dataset import`.
 
-use super::StoreOptions;
+use super::{StoreOptions, export::place};
 use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{cores, progress};
 use clap::Args;
+use coordinator::BucketUrl;
 use dataset::Specification;
-use export::import::import;
+use export::import::{Source, import};
+use export::layout::Place;
 use export::manifest::{Format, read::read_specification};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Take a manifest and its images into a store, checked on the way in
 ///
-/// DIR is an export of any layout, or any folder with a manifest and images where it says. Every
+/// DIR is an export of any layout, or any folder with a manifest and images where it says; a place
+/// in a bucket, such as s3://BUCKET/PREFIX, will do as well. Every
 /// row is compared with what the specification gives, and every image with its row. The store is
 /// made where there is none; what one has already is not replaced.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The folder that the manifest's paths are relative to
-    #[arg(value_name = "DIR")]
+    #[arg(value_name = "DIR|URL")]
     folder: PathBuf,
     #[command(flatten)]
     store: StoreOptions,
+    /// Where images of a new store live instead of in its folder, as s3://BUCKET/PREFIX
+    #[arg(long, value_name = "URL")]
+    blobs: Option<BucketUrl>,
     /// The manifest [default: manifest.parquet in DIR]
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
@@ -37,9 +43,16 @@ pub struct Options {
 
 /// Imports.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let source = match place(&options.folder)? {
+        Place::Folder(folder) => Source::Folder(folder),
+        Place::Bucket(bucket) => Source::Bucket(bucket),
+    };
+    // Lives to the end: what is read more than once, or by its name, is fetched into it.
+    let scratch = tempfile::tempdir()?;
+    let fetch = |name: &str| source.fetch(Path::new(name), scratch.path());
     let manifest = match &options.manifest {
         Some(path) => path.clone(),
-        None => options.folder.join("manifest.parquet"),
+        None => fetch("manifest.parquet")?,
     };
     let format = Format::of(&manifest).map_err(|error| BadInput(error.to_string()))?;
     let specification = match (&options.spec, format) {
@@ -47,14 +60,15 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         (None, Format::Parquet) => {
             read_specification(&manifest).map_err(|error| BadInput(error.to_string()))?
         }
-        (None, _) => Specification::load(&options.folder.join("specification.toml"))?,
+        (None, _) => Specification::load(&fetch("specification.toml")?)?,
     };
     let bar = progress::bar(0, "images imported");
     let imported = import(
         &specification,
         &manifest,
-        &options.folder,
+        &source,
         &options.store.store,
+        options.blobs.as_ref(),
         cores::count(options.threads),
         &|images, total| {
             bar.set_length(total);

@@ -6,9 +6,8 @@ use crate::picture::{self, ContactSheet};
 use anyhow::Context;
 use clap::Args;
 use coordinator::ReadOnlyStore;
-use dataset::{Digest, IndexList};
+use dataset::IndexList;
 use renderer::decode_exr;
-use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -87,14 +86,10 @@ pub fn sheet(
             let Some(view) = completion.views.get(view as usize) else {
                 continue;
             };
-            let place = store.image_path(&view.digest);
-            let bytes =
-                fs::read(&place).with_context(|| format!("cannot read {}", place.display()))?;
-            anyhow::ensure!(
-                Digest::of(&bytes) == view.digest,
-                "{} is damaged: verify the store",
-                place.display()
-            );
+            let bytes = store.read_image(view).with_context(|| {
+                let place = store.image_path(&view.digest);
+                format!("{} is damaged: verify the store", place.display())
+            })?;
             sheet.place(row, column, &decode_exr(&bytes)?);
         }
     }

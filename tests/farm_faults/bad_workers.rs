@@ -147,7 +147,8 @@ fn barred(harness: &Harness) -> Vec<String> {
 #[test]
 fn a_worker_that_lies_is_barred_and_its_work_rendered_again() {
     let mut harness = Harness::new(24, 16);
-    harness.options = "--lease-seconds 10 --check-percent 30".to_owned();
+    harness.lease_seconds = 10;
+    harness.check_percent = 30;
     harness.start();
     let liar = bad_worker("liar", &harness);
     wait_for("lies", || harness.completed().len() >= 6);
@@ -190,7 +191,7 @@ fn a_worker_that_fails_everything_is_barred_and_costs_no_material() {
 #[test]
 fn a_worker_that_hangs_is_given_up() {
     let mut harness = Harness::new(4, 16);
-    harness.options = "--lease-seconds 2 --check-percent 0 --job-deadline-seconds 4".to_owned();
+    harness.options = "--job-deadline-seconds 4".to_owned();
     harness.start();
     let hanging = bad_worker("hanging", &harness);
     wait_for("leases", || harness.status()["leased"] == 2);

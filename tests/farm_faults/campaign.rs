@@ -10,21 +10,21 @@ const WORKERS: usize = 3;
 /// Short enough for every test run.
 #[test]
 fn random_kills_lose_and_change_nothing() {
-    campaign(12, 6, 64, 900);
+    campaign(Harness::new(12, 64), 12, 6, 900);
 }
 
 /// At least 100 kills in one run of 60 materials: `tests/campaign.sh`.
 #[test]
 #[ignore = "takes minutes: tests/campaign.sh runs it"]
 fn campaign_of_a_hundred_kills() {
-    campaign(60, 100, 256, 700);
+    campaign(Harness::new(60, 256), 60, 100, 700);
 }
 
-/// Renders `materials`, killing somebody every `pause_ms` at the most, at least `kills_min` times.
-fn campaign(materials: u32, kills_min: u32, samples: u32, pause_ms: u64) {
+/// Renders `materials`, all of a farm's, killing somebody every `pause_ms` at the most, at least
+/// `kills_min` times.
+pub fn campaign(mut harness: Harness, materials: u32, kills_min: u32, pause_ms: u64) {
     let began = Instant::now();
     let mut draws = Draws(seed());
-    let mut harness = Harness::new(materials, samples);
     harness.start();
     let worker = |harness: &Harness, number: usize| -> Process {
         harness.worker(&format!("w{number}"), &harness.address)

@@ -15,9 +15,13 @@ pub struct Harness {
     directory: tempfile::TempDir,
     /// The coordinator's address; the same after each restart.
     pub address: String,
-    /// Of the coordinator's command line, what tests differ in.
-    pub options: String,
     pub coordinator: Option<Process>,
+    /// What coordinators and commands find in their environment, and workers do not.
+    pub environment: Vec<(&'static str, String)>,
+    pub lease_seconds: u32,
+    pub check_percent: u32,
+    /// Further options of the coordinator.
+    pub options: String,
 }
 
 /// A process that ends with its test.
@@ -84,8 +88,11 @@ impl Harness {
         Self {
             directory,
             address: "127.0.0.1:0".to_owned(),
-            options: "--lease-seconds 2 --check-percent 0".to_owned(),
             coordinator: None,
+            environment: Vec::new(),
+            lease_seconds: 2,
+            check_percent: 0,
+            options: String::new(),
         }
     }
 
@@ -106,6 +113,7 @@ impl Harness {
 
     pub fn run(&self, arguments: &str) -> Output {
         let mut command = self.command(env!("CARGO_BIN_EXE_brdfarm"), arguments);
+        command.envs(self.environment.clone());
         command.output().expect("brdfarm runs")
     }
 
@@ -118,8 +126,9 @@ impl Harness {
 
     pub fn serve(&self) -> String {
         format!(
-            "coordinator serve --spec spec.toml --store farm --listen {} {}",
-            self.address, self.options
+            "coordinator serve --spec spec.toml --store farm --listen {} --lease-seconds {} \
+             --check-percent {} {}",
+            self.address, self.lease_seconds, self.check_percent, self.options
         )
     }
 
@@ -137,6 +146,7 @@ impl Harness {
             .append(true)
             .open(self.path().join("coordinator.log"))
             .expect("a log");
+        command.envs(self.environment.clone());
         command.stdout(Stdio::piped()).stderr(errors);
         let mut process = Process::spawn(&mut command);
         let mut line = String::new();

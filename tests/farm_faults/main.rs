@@ -10,10 +10,13 @@
 )]
 
 mod bad_workers;
+mod bucket;
 mod campaign;
 mod corruption;
 mod faults;
 mod harness;
+mod liar;
 mod network;
 mod power;
 mod proxy;
+mod s3;

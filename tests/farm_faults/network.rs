@@ -43,7 +43,7 @@ fn an_answer_that_is_lost_is_asked_for_again_and_counts_once() {
     const MATERIALS: u32 = 6;
     let mut harness = Harness::new(MATERIALS, 16);
     // The answer to a call for work can be lost too: that lease has to run out.
-    harness.options = "--lease-seconds 5 --check-percent 0".to_owned();
+    harness.lease_seconds = 5;
     harness.start();
     let proxy = Proxy::before(&harness.address);
     let far = harness.worker("far", &proxy.address);

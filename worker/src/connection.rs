@@ -23,6 +23,9 @@ pub(crate) enum CallError {
     /// The coordinator cannot be reached, or cannot answer.
     #[error("the coordinator did not answer for {} s: {}", .0.as_secs(), reason(.1))]
     Away(Duration, Status),
+    /// The bucket that images go to takes none.
+    #[error("no image could be uploaded for {} s: {}", .0.as_secs(), .1)]
+    BucketAway(Duration, String),
 }
 
 /// What a status says, and the innermost of its causes: the network's own words.
@@ -59,6 +62,11 @@ impl Connection {
             client: self.client.clone(),
             away_max,
         }
+    }
+
+    /// For how long whoever delivers should bear with an absence.
+    pub fn patience(&self) -> Duration {
+        self.away_max
     }
 
     /// Makes a call, and again while the coordinator is away.
@@ -135,7 +143,7 @@ fn asked_pause(status: &Status) -> Duration {
 
 /// The pause after a failed attempt, counted from 0: none, then doubling up to a limit, each half
 /// fixed and half random, so that workers do not come back all at once.
-fn pause(attempt: u32) -> Duration {
+pub(crate) fn pause(attempt: u32) -> Duration {
     let Some(doublings) = attempt.checked_sub(1) else {
         return Duration::ZERO;
     };

@@ -1,15 +1,23 @@
 //! Delivering a rendered job: images first, then the completion.
 
 use crate::{
-    connection::{CallError, Connection},
+    connection::{CallError, Connection, pause},
     job::{Job, RenderedJob},
     limits,
+    upload::Uploader,
 };
+use bytes::Bytes;
+use futures_util::{StreamExt, stream};
+use md5::{Digest as _, Md5};
 use proto::{
-    CompleteRequest, ErrorStatistics, FailRequest, FindMissingBlobsRequest, PutBlobRequest, View,
+    CompleteRequest, ErrorStatistics, FailRequest, FindMissingBlobsRequest,
+    FindMissingBlobsResponse, GetUploadUrlsRequest, PutBlobRequest, Upload, View,
 };
 use std::{collections::VecDeque, sync::atomic::Ordering};
-use tokio::task::JoinSet;
+use tokio::{
+    task::JoinSet,
+    time::{Instant, sleep},
+};
 use tonic::Code;
 
 /// What became of a delivery.
@@ -27,15 +35,34 @@ pub(crate) enum Delivered {
 /// coordinator that restarts in between has forgotten the images, not the lease.
 pub(crate) async fn deliver(
     connection: &Connection,
+    uploader: &Uploader,
     job: &Job,
     rendered: &RenderedJob,
 ) -> Result<Delivered, CallError> {
-    let completion = completion(job, rendered);
+    let asked = find_missing(connection, rendered).await;
+    let FindMissingBlobsResponse {
+        mut missing,
+        upload_by_url,
+    } = match asked {
+        Ok(answer) => answer,
+        Err(CallError::Refused(status)) => return refused(connection, job, &status).await,
+        Err(error) => return Err(error),
+    };
+    let md5s = if upload_by_url {
+        md5s(rendered)
+    } else {
+        Vec::new()
+    };
+    let completion = completion(job, rendered, &md5s);
     for _ in 0..limits::DELIVERIES_MAX {
         if job.lost.load(Ordering::Relaxed) {
             return Ok(Delivered::Lost);
         }
-        let sent = send_missing(connection, rendered).await;
+        let sent = if upload_by_url {
+            upload_missing(connection, uploader, job, rendered, &md5s, &missing).await
+        } else {
+            send_missing(connection, rendered, &missing).await
+        };
         let completed = match sent {
             Err(error) => Err(error),
             Ok(()) => {
@@ -48,7 +75,10 @@ pub(crate) async fn deliver(
         };
         match completed {
             Ok(answer) if answer.missing.is_empty() => return Ok(Delivered::Recorded),
-            Ok(answer) => tracing::info!(missing = answer.missing.len(), "images are sent again"),
+            Ok(answer) => {
+                tracing::info!(missing = answer.missing.len(), "images are sent again");
+                missing = answer.missing;
+            }
             Err(CallError::Refused(status)) => {
                 return refused(connection, job, &status).await;
             }
@@ -96,7 +126,10 @@ async fn refused(
     Ok(Delivered::Refused)
 }
 
-async fn send_missing(connection: &Connection, rendered: &RenderedJob) -> Result<(), CallError> {
+async fn find_missing(
+    connection: &Connection,
+    rendered: &RenderedJob,
+) -> Result<FindMissingBlobsResponse, CallError> {
     let message = FindMissingBlobsRequest {
         digests: rendered
             .views
@@ -104,20 +137,80 @@ async fn send_missing(connection: &Connection, rendered: &RenderedJob) -> Result
             .map(|(digest, _)| digest.as_bytes().to_vec())
             .collect(),
     };
-    let answer = connection
-        .call(message, async |mut client, request| {
-            client.find_missing_blobs(request).await
+    let ask = connection.call(message, async |mut client, request| {
+        client.find_missing_blobs(request).await
+    });
+    ask.await
+}
+
+/// Sends images to the bucket, with new URLs as often as those before are of no use.
+async fn upload_missing(
+    connection: &Connection,
+    uploader: &Uploader,
+    job: &Job,
+    rendered: &RenderedJob,
+    md5s: &[Vec<u8>],
+    missing: &[Vec<u8>],
+) -> Result<(), CallError> {
+    let images = rendered.views.iter().zip(md5s);
+    let mut waiting: Vec<(Upload, Bytes)> = images
+        .filter(|((digest, _), _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
+        .map(|((digest, image), md5)| {
+            let upload = Upload {
+                digest: digest.as_bytes().to_vec(),
+                md5: md5.clone(),
+            };
+            (upload, Bytes::from(image.exr.clone()))
         })
-        .await?;
+        .collect();
+    let began = Instant::now();
+    for attempt in 0.. {
+        if waiting.is_empty() || job.lost.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let message = GetUploadUrlsRequest {
+            token: job.token.clone(),
+            material: job.material,
+            uploads: waiting.iter().map(|(upload, _)| upload.clone()).collect(),
+        };
+        let signed = connection.call(message, async |mut client, request| {
+            client.get_upload_urls(request).await
+        });
+        let urls = signed.await?.urls;
+        let images = waiting.into_iter().zip(urls);
+        let uploads = images.map(|((upload, bytes), url)| async move {
+            let sent = uploader.put(&url, bytes.clone()).await;
+            sent.err().map(|error| ((upload, bytes), error))
+        });
+        let failed: Vec<_> = stream::iter(uploads)
+            .buffer_unordered(limits::UPLOADS_AT_ONCE)
+            .filter_map(async |failed| failed)
+            .collect()
+            .await;
+        let (again, errors): (Vec<_>, Vec<_>) = failed.into_iter().unzip();
+        waiting = again;
+        if let Some(error) = errors.first() {
+            let away = began.elapsed();
+            if away >= connection.patience() {
+                return Err(CallError::BucketAway(away, error.to_string()));
+            }
+            tracing::warn!(%error, images = errors.len(), "uploads failed, trying again");
+            sleep(pause(attempt)).await;
+        }
+    }
+    unreachable!("attempts do not run out")
+}
+
+/// Sends images to the coordinator.
+async fn send_missing(
+    connection: &Connection,
+    rendered: &RenderedJob,
+    missing: &[Vec<u8>],
+) -> Result<(), CallError> {
     let mut waiting: VecDeque<PutBlobRequest> = rendered
         .views
         .iter()
-        .filter(|(digest, _)| {
-            answer
-                .missing
-                .iter()
-                .any(|bytes| bytes == digest.as_bytes())
-        })
+        .filter(|(digest, _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
         .map(|(digest, image)| PutBlobRequest {
             digest: digest.as_bytes().to_vec(),
             size: image.exr.len() as u64,
@@ -149,8 +242,17 @@ async fn send_missing(connection: &Connection, rendered: &RenderedJob) -> Result
     }
 }
 
-fn completion(job: &Job, rendered: &RenderedJob) -> CompleteRequest {
-    let views = rendered.views.iter().map(|(digest, image)| {
+fn md5s(rendered: &RenderedJob) -> Vec<Vec<u8>> {
+    let images = rendered.views.iter();
+    images
+        .map(|(_, image)| Md5::digest(&image.exr).to_vec())
+        .collect()
+}
+
+/// `md5s` may be empty, where nobody wants them.
+fn completion(job: &Job, rendered: &RenderedJob, md5s: &[Vec<u8>]) -> CompleteRequest {
+    let views = rendered.views.iter().enumerate();
+    let views = views.map(|(view, (digest, image))| {
         let statistics = image.statistics;
         View {
             digest: digest.as_bytes().to_vec(),
@@ -163,6 +265,7 @@ fn completion(job: &Job, rendered: &RenderedJob) -> CompleteRequest {
                 samples: statistics.samples,
                 evaluations: statistics.evaluations,
             }),
+            md5: md5s.get(view).cloned().unwrap_or_default(),
         }
     });
     CompleteRequest {

@@ -10,6 +10,7 @@ mod delivery;
 mod job;
 pub mod limits;
 mod render;
+mod upload;
 mod worker;
 
 pub use render::{Render, RenderFailure, RenderedView, RendererBackend};

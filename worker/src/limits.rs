@@ -31,6 +31,12 @@ pub const CONNECT_MAX: Duration = Duration::from_secs(30);
 /// Images that are uploaded at one time.
 pub const UPLOADS_AT_ONCE: usize = 4;
 
+/// How long one upload to a bucket may take: 7 MiB over 2 Mbit/s fit.
+pub const UPLOAD_DEADLINE: Duration = Duration::from_secs(40);
+
+/// Attempts of one upload before another URL is asked for.
+pub const UPLOAD_ATTEMPTS: u32 = 5;
+
 /// How often the images of one material are sent again after the coordinator forgot them, as it
 /// does when it restarts.
 pub const DELIVERIES_MAX: u32 = 100;

@@ -6,6 +6,7 @@ use crate::{
     job::{Held, Job, RenderedJob, Unrendered, render_views},
     limits,
     render::{Render, RenderFailure},
+    upload::Uploader,
 };
 use dataset::{RENDERER_VERSION, Specification};
 use proto::{
@@ -130,6 +131,7 @@ pub struct Worker {
     deadline: Duration,
     specification: Arc<Specification>,
     render: Arc<dyn Render>,
+    uploader: Uploader,
     pool: Arc<rayon::ThreadPool>,
     // One job renders at a time, with all threads.
     rendering: Arc<Semaphore>,
@@ -196,6 +198,7 @@ impl Worker {
             deadline: Duration::from_millis(deadline_ms),
             specification,
             render: Arc::new(render),
+            uploader: Uploader::default(),
             pool: Arc::new(pool),
             rendering: Arc::new(Semaphore::new(1)),
             held: Held::default(),
@@ -303,7 +306,7 @@ impl Worker {
                 return Err(Stopped::Wedged(job.material));
             }
         };
-        match deliver(&self.connection, job, &rendered).await? {
+        match deliver(&self.connection, &self.uploader, job, &rendered).await? {
             Delivered::Recorded => {
                 tracing::info!(seconds = rendered.time.as_secs_f64(), "completed");
                 self.tally.completed(&rendered);
@@ -535,7 +538,7 @@ impl WorkerError {
     fn of(url: &str, error: CallError) -> Self {
         match error {
             CallError::Refused(status) => Self::Refused(status.message().to_owned()),
-            CallError::Away(..) => Self::Away {
+            CallError::Away(..) | CallError::BucketAway(..) => Self::Away {
                 url: url.to_owned(),
                 reason: error.to_string(),
             },

@@ -1,7 +1,7 @@
 //! Recording completions.
 
 use super::{
-    Farm, FarmError,
+    Farm, FarmError, Md5,
     events::{Event, EventKind},
     random,
 };
@@ -27,19 +27,31 @@ pub(crate) enum Outcome {
 
 impl Farm {
     /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in by the board.
+    /// and is what it should be. Who rendered it is filled in by the board. `md5s` are those of the
+    /// views in order, where images are in a bucket.
     pub async fn complete(
         &self,
         token: Token,
         completion: Completion,
+        md5s: &[Option<Md5>],
     ) -> Result<Outcome, FarmError> {
         self.check_completion(&completion)?;
         let (material, bytes, seconds) =
             (completion.material, completion.bytes(), completion.seconds);
         let fingerprint = completion.fingerprint();
+        // Held until the ledger says whose the names are.
+        let mut uploads = None;
         let standing = self.board.standing(material, token, fingerprint).await?;
         if standing == Standing::Current {
-            let missing = self.missing_images(&completion).await?;
+            let missing = match self.surroundings.blobs.objects() {
+                None => self.missing_images(&completion).await?,
+                Some(objects) => {
+                    let settled = self.settle(objects, token, &completion, md5s).await?;
+                    let missing = settled.missing();
+                    uploads = Some(settled);
+                    missing
+                }
+            };
             if !missing.is_empty() {
                 return Ok(Outcome::Missing(missing));
             }
@@ -51,6 +63,9 @@ impl Farm {
             check: draw < u64::from(self.checks_per_million),
         };
         let judged = self.board.complete(delivery).await?;
+        if let Some(settled) = uploads {
+            settled.clear();
+        }
         if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) =
             (&judged.verdict, &judged.holder)
         {

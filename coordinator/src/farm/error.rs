@@ -23,6 +23,12 @@ pub(crate) enum FarmError {
     TooManyWorkers(usize),
     #[error("{0} bytes of images await their completion, and no more are taken: try again later")]
     StagingFull(u64),
+    #[error("images are to be sent to the URLs of GetUploadUrls: this farm keeps them in a bucket")]
+    ByUrl,
+    #[error("this farm takes images itself: send them with PutBlob")]
+    NotByUrl,
+    #[error("the bucket does not answer: {0}")]
+    Bucket(FileError),
     #[error("no worker called {0:?} is barred")]
     NotBarred(String),
     #[error("the store has no image {0}")]

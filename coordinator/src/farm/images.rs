@@ -1,7 +1,10 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::{acceptance, ledger::BlobPlace, limits, staging::StagedImage};
+use crate::{
+    acceptance, blobs::Blobs, file_error::FileError, ledger::BlobPlace, limits,
+    staging::StagedImage,
+};
 use dataset::Digest;
 use std::sync::Arc;
 use tokio::task;
@@ -31,6 +34,9 @@ impl Farm {
         size: u64,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
+        if self.blobs.objects().is_some() {
+            return Err(FarmError::ByUrl);
+        }
         let received = data.as_ref().len() as u64;
         if received != size {
             return Err(FarmError::Invalid(format!(
@@ -102,18 +108,32 @@ impl Farm {
         }
         let blobs = self.surroundings.blobs.clone();
         task::spawn_blocking(move || {
-            let known = digests.into_iter().zip(places);
-            known
-                .map(|(digest, place)| {
-                    let place = match place {
-                        Some(place) if blobs.size(&digest)? == Some(place.bytes) => Some(place),
-                        _ => None,
-                    };
-                    Ok((digest, place))
-                })
-                .collect()
+            let known: Vec<Digest> = digests
+                .iter()
+                .zip(&places)
+                .filter_map(|(digest, place)| place.map(|_| *digest))
+                .collect();
+            let sizes = blobs
+                .sizes(&known)
+                .map_err(|error| blobs_away(&blobs, error))?;
+            let mut places: Vec<(Digest, Option<BlobPlace>)> =
+                digests.into_iter().zip(places).collect();
+            let known = places.iter_mut().filter(|(_, place)| place.is_some());
+            for ((_, place), size) in known.zip(sizes) {
+                *place = place.filter(|place| size == Some(place.bytes));
+            }
+            Ok(places)
         })
         .await
         .map_err(|_| FarmError::Interrupted)?
+    }
+}
+
+/// An error of the place that images are in. A bucket may answer again at any time; a disk that
+/// fails is another matter.
+pub(super) fn blobs_away(blobs: &Blobs, error: FileError) -> FarmError {
+    match blobs.objects() {
+        Some(_) => FarmError::Bucket(error),
+        None => FarmError::File(error),
     }
 }

@@ -10,11 +10,13 @@ mod events;
 mod images;
 mod leasing;
 mod operating;
+mod uploads;
 
 pub(crate) use completing::Outcome;
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
 pub(crate) use operating::{Report, WorkerReport};
+pub(crate) use uploads::Md5;
 
 use crate::{
     blobs::Blobs,
@@ -32,6 +34,7 @@ use crate::{
 use dataset::{Digest, Specification};
 use events::Events;
 use std::{
+    collections::HashSet,
     fs::File,
     num::NonZero,
     sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering},
@@ -76,6 +79,8 @@ struct State {
     // Of the images of completed materials at the start.
     bytes_before: u64,
     images_completed: Rate,
+    // Images whose objects a completion under way is giving their names.
+    settling: HashSet<Digest>,
 }
 
 struct Shared {
@@ -141,6 +146,7 @@ impl Farm {
                 roster: Roster::default(),
                 bytes_before: 0,
                 images_completed: Rate::default(),
+                settling: HashSet::new(),
             }),
             progress: watch::channel(Progress::default()).0,
             events: Events::new(),

@@ -3,6 +3,7 @@
 use super::{
     Farm, FarmError, Progress,
     events::{Event, EventKind},
+    images::blobs_away,
 };
 use crate::{
     board::{JobsOrder, JobsPage},
@@ -181,10 +182,12 @@ impl Farm {
         };
         let blobs = self.surroundings.blobs.clone();
         let read = task::spawn_blocking(move || {
-            if blobs.size(&digest)? != Some(bytes) {
+            let size = blobs.size(&digest);
+            if size.map_err(|error| blobs_away(&blobs, error))? != Some(bytes) {
                 return Err(FarmError::UnknownBlob(digest));
             }
-            let data = blobs.read(&digest, bytes)?;
+            let data = blobs.read(&digest, bytes);
+            let data = data.map_err(|error| blobs_away(&blobs, error))?;
             // Bytes that are not what they are called never leave as if they were.
             if Digest::of(&data) != digest {
                 return Err(FarmError::DamagedBlob(digest));

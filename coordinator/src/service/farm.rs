@@ -8,7 +8,7 @@ use super::{
 use crate::{
     board::Renewal,
     completion::Completion,
-    farm::{Farm, Outcome},
+    farm::{Farm, Md5, Outcome},
 };
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
 use proto::limits;
@@ -122,6 +122,36 @@ impl proto::Farm for FarmService {
         let missing = self.farm.find_missing(digests).await?;
         Ok(Response::new(proto::FindMissingBlobsResponse {
             missing: missing.iter().map(message_digest).collect(),
+            upload_by_url: self.farm.takes_uploads_by_url(),
+        }))
+    }
+
+    async fn get_upload_urls(
+        &self,
+        request: Request<proto::GetUploadUrlsRequest>,
+    ) -> Answer<proto::GetUploadUrlsResponse> {
+        let message = request.into_inner();
+        let token = token(&message.token)?;
+        if message.uploads.len() > limits::VIEWS_MAX {
+            let found = message.uploads.len();
+            return Err(too_many("uploads", found, limits::VIEWS_MAX));
+        }
+        let uploads = message.uploads.iter().map(|upload| {
+            let digest = digest("uploads.digest", &upload.digest)?;
+            Ok((digest, md5("uploads.md5", &upload.md5)?))
+        });
+        let uploads = uploads.collect::<Result<Vec<_>, Status>>()?;
+        let urls = self.farm.upload_urls(token, message.material, &uploads);
+        let urls = urls.await?.into_iter().map(|upload| proto::UploadUrl {
+            url: upload.url,
+            headers: upload
+                .headers
+                .into_iter()
+                .map(|(name, value)| proto::Header { name, value })
+                .collect(),
+        });
+        Ok(Response::new(proto::GetUploadUrlsResponse {
+            urls: urls.collect(),
         }))
     }
 
@@ -156,9 +186,14 @@ impl proto::Farm for FarmService {
             seconds: message.seconds,
             worker: String::new(),
         };
+        let md5s = message.views.iter().map(|view| match view.md5.as_slice() {
+            [] => Ok(None),
+            bytes => md5("views.md5", bytes).map(Some),
+        });
+        let md5s = md5s.collect::<Result<Vec<_>, Status>>()?;
         let span = info_span!("job", material = message.material, lease = %token);
         let outcome = async {
-            let outcome = self.farm.complete(token, completion).await;
+            let outcome = self.farm.complete(token, completion, &md5s).await;
             match &outcome {
                 Ok(Outcome::Recorded) => {}
                 Ok(Outcome::Repeated) => tracing::info!("completed before"),
@@ -196,6 +231,11 @@ impl proto::Farm for FarmService {
         let released = self.farm.deregister(worker).await?;
         Ok(Response::new(proto::DeregisterResponse { released }))
     }
+}
+
+fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {
+    let reason = format!("an MD5 has {} bytes", limits::MD5_BYTES);
+    bytes.try_into().map_err(|_| invalid(field, &reason))
 }
 
 fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {

@@ -52,6 +52,9 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
         }
         FarmError::Invalid(_) => (Code::InvalidArgument, "INVALID_MESSAGE"),
         FarmError::Incompatible(_) => (Code::FailedPrecondition, "INCOMPATIBLE"),
+        FarmError::ByUrl => (Code::FailedPrecondition, "UPLOAD_BY_URL"),
+        FarmError::NotByUrl => (Code::FailedPrecondition, "UPLOAD_BY_CALL"),
+        FarmError::Bucket(_) => (Code::Unavailable, "BUCKET_AWAY"),
         FarmError::UnknownWorker(_) => (Code::NotFound, "UNKNOWN_WORKER"),
         FarmError::NotBarred(_) => (Code::NotFound, "NOT_BARRED"),
         FarmError::UnknownBlob(_) => (Code::NotFound, "UNKNOWN_IMAGE"),

@@ -3,13 +3,14 @@
 //! Nothing is checked here but that they are there; shards are read once, from front to back, and
 //! a material is handed over when its last image was found.
 
-use super::{ImportError, WantedMaterials};
-use crate::file::unable;
+use super::{
+    ImportError, WantedMaterials,
+    source::{Shard, Source},
+};
 use arrow_array::{Array, BinaryArray, UInt32Array};
 use parquet::arrow::{ProjectionMask, arrow_reader::ParquetRecordBatchReaderBuilder};
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs::File,
     io::Read,
     path::Path,
 };
@@ -23,7 +24,7 @@ pub type TakeMaterial<'a> = dyn FnMut(u32, Vec<Vec<u8>>) -> Result<(), ImportErr
 /// Hands over the files of every material; nothing is checked but that they are there.
 pub(super) fn for_each_material(
     wanted: &WantedMaterials,
-    folder: &Path,
+    source: &Source,
     take: &mut TakeMaterial<'_>,
 ) -> Result<(), ImportError> {
     let mut shards: BTreeSet<&Path> = BTreeSet::new();
@@ -37,15 +38,20 @@ pub(super) fn for_each_material(
             shards.extend(in_shards.map(|image| image.path.as_path()));
             continue;
         }
-        let files = images.iter().zip(0..).map(|(image, view)| {
-            let path = folder.join(&image.path);
-            read_file(&path, image.done.bytes).map_err(|what| ImportError::Image {
-                path,
-                material,
-                view,
-                what,
-            })
-        });
+        let files = images.iter().map(|image| (&*image.path, image.done.bytes));
+        let files = source.read_each(files.collect()).into_iter();
+        let files = images
+            .iter()
+            .zip(0..)
+            .zip(files)
+            .map(|((image, view), read)| {
+                read.map_err(|error| ImportError::Image {
+                    path: source.path(&image.path),
+                    material,
+                    view,
+                    what: error.to_string(),
+                })
+            });
         take(material, files.collect::<Result<_, _>>()?)?;
     }
     let mut gathering = Gathering {
@@ -53,11 +59,15 @@ pub(super) fn for_each_material(
         parts: BTreeMap::new(),
     };
     for shard in shards {
-        let path = folder.join(shard);
-        if shard.extension().is_some_and(|ending| ending == "tar") {
-            read_tar(&path, &mut gathering, take)?;
+        let shard = source.open(shard)?;
+        if shard
+            .path()
+            .extension()
+            .is_some_and(|ending| ending == "tar")
+        {
+            read_tar(&shard, &mut gathering, take)?;
         } else {
-            read_parquet(&path, &mut gathering, take)?;
+            read_parquet(shard, &mut gathering, take)?;
         }
     }
     match gathering.parts.iter().next() {
@@ -65,22 +75,13 @@ pub(super) fn for_each_material(
         Some((&material, parts)) => {
             let missing = parts.iter().position(Option::is_none).unwrap_or_default();
             Err(ImportError::Image {
-                path: folder.join(&wanted[&material][missing].path),
+                path: source.path(&wanted[&material][missing].path),
                 material,
                 view: missing as u32,
                 what: "the image is missing".to_owned(),
             })
         }
     }
-}
-
-/// Reads a file that should have so many bytes, and at most one more.
-fn read_file(path: &Path, bytes: u64) -> Result<Vec<u8>, String> {
-    let mut content = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(bytes + 1).read_to_end(&mut content))
-        .map_err(|error| error.to_string())?;
-    Ok(content)
 }
 
 /// Materials whose images come one by one.
@@ -119,16 +120,15 @@ impl Gathering<'_> {
 }
 
 fn read_tar(
-    path: &Path,
+    shard: &Shard,
     gathering: &mut Gathering<'_>,
     take: &mut TakeMaterial<'_>,
 ) -> Result<(), ImportError> {
     let failed = |error: std::io::Error| ImportError::Shard {
-        path: path.to_owned(),
+        path: shard.path(),
         what: error.to_string(),
     };
-    let file = File::open(path).map_err(unable("read", path))?;
-    let mut archive = tar::Archive::new(file);
+    let mut archive = tar::Archive::new(shard.read_from_start());
     for entry in archive.entries().map_err(failed)? {
         let entry = entry.map_err(failed)?;
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
@@ -156,16 +156,16 @@ fn image_of_member(name: &str) -> Option<(u32, u32)> {
 }
 
 fn read_parquet(
-    path: &Path,
+    shard: Shard,
     gathering: &mut Gathering<'_>,
     take: &mut TakeMaterial<'_>,
 ) -> Result<(), ImportError> {
+    let path = shard.path();
     let failed = |what: String| ImportError::Shard {
-        path: path.to_owned(),
+        path: path.clone(),
         what,
     };
-    let file = File::open(path).map_err(unable("read", path))?;
-    let builder = ParquetRecordBatchReaderBuilder::try_new(file)
+    let builder = ParquetRecordBatchReaderBuilder::try_new(shard)
         .map_err(|error| failed(error.to_string()))?;
     let columns = ["material", "view", "exr"];
     let mask = ProjectionMask::columns(builder.parquet_schema(), columns);

@@ -6,10 +6,13 @@
 
 mod batch;
 mod images;
+mod source;
 
 use crate::manifest::read::{ReadError, read};
 use batch::Batch;
-use coordinator::{FileError, ReadOnlyStore, Store, StoreError, limits::IMAGE_OVERHEAD_BYTES_MAX};
+use coordinator::{
+    BucketUrl, FileError, ReadOnlyStore, Store, StoreError, limits::IMAGE_OVERHEAD_BYTES_MAX,
+};
 use dataset::{
     CompletedView, Specification,
     manifest::Row,
@@ -17,6 +20,7 @@ use dataset::{
 };
 pub use images::TakeMaterial;
 use images::for_each_material;
+pub use source::Source;
 use std::{
     collections::BTreeMap,
     path::{Component, Path, PathBuf},
@@ -102,21 +106,22 @@ pub struct Imported {
     pub materials_there: u32,
 }
 
-/// Imports the images that a manifest names, relative to `folder`, into the store at `path`, which
-/// is made where there is none. `progress` is told how many images are in, of how many.
+/// Imports the images that a manifest names, relative to `source`, into the store at `path`, which
+/// is made where there is none, with its images in `bucket` if one is given. `progress` is told how many images are in, of how many.
 ///
 /// # Errors
 /// At the first row or image that is wrong; what came in before stays, and the same call goes on.
 pub fn import(
     specification: &Specification,
     manifest: &Path,
-    folder: &Path,
+    source: &Source,
     path: &Path,
+    bucket: Option<&BucketUrl>,
     threads: usize,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Imported, ImportError> {
     let mut wanted = read_manifest(specification, manifest)?;
-    let mut store = Store::open_or_create(path, specification)?;
+    let mut store = Store::open_or_create_in(path, specification, bucket)?;
     let mut imported = Imported {
         materials_there: drop_what_is_there(&ReadOnlyStore::open(path)?, &mut wanted)?,
         ..Imported::default()
@@ -130,7 +135,7 @@ pub fn import(
         progress(imported.images, total);
         Ok(())
     };
-    for_each_material(&wanted, folder, &mut |material, bytes| {
+    for_each_material(&wanted, source, &mut |material, bytes| {
         batch.add(material, &wanted[&material], bytes);
         if batch.bytes >= BATCH_BYTES {
             flush(&mut batch)?;

@@ -7,7 +7,6 @@
 use super::{Unit, Work};
 use crate::{
     error::ExportError,
-    file::write_whole,
     manifest::{ManifestError, parquet as rows},
     product::{Encoding, Kind, Product},
 };
@@ -16,7 +15,7 @@ use arrow_schema::{ArrowError, DataType, Field, Fields, Schema};
 use dataset::manifest::{Column, Kind as ColumnKind, columns};
 use parquet::{arrow::ArrowWriter, errors::ParquetError};
 use serde_json::{Map, Value, json};
-use std::{collections::HashMap, path::Path, sync::Arc};
+use std::{collections::HashMap, sync::Arc};
 
 /// Bytes of files in a row group, about: what a reader of one row has to fetch, and what the
 /// encoder keeps in memory.
@@ -26,29 +25,25 @@ const ROW_GROUP_BYTES: u64 = 32 << 20;
 pub(super) fn write(
     work: &Work<'_>,
     unit: &Unit,
-    path: &Path,
     tell: &(dyn Fn() + Sync),
 ) -> Result<(), ExportError> {
     let schema = Arc::new(schema(&work.kinds));
-    write_whole(path, |file| {
+    work.place.write(&unit.path, |file| {
         let properties = rows::properties(work.store);
         let mut writer =
             ArrowWriter::try_new(file, Arc::clone(&schema), Some(properties)).map_err(encoding)?;
         let mut group = Group::new(&work.kinds);
         for &material in &unit.materials {
-            for image in work.images(unit, material)? {
+            work.each_image(unit, material, |image, products| {
                 group.labels.append(&image.row);
                 let name = format!("{material:06}.v{:02}", image.view);
-                for (files, product) in group
-                    .files
-                    .iter_mut()
-                    .zip(work.factory.make(work.store, &image)?)
-                {
+                for (files, product) in group.files.iter_mut().zip(products) {
                     group.bytes += product.bytes.len() as u64;
                     files.append(&name, &product);
                 }
                 tell();
-            }
+                Ok(())
+            })?;
             if group.bytes >= ROW_GROUP_BYTES {
                 group.write(&mut writer, &schema).map_err(encoding)?;
             }

@@ -12,9 +12,16 @@
 //! An export is made of units, shards or folders of one material, that are there whole or not at
 //! all; `export.json` says what the export is to be and goes first, the manifest goes last. So the
 //! same command again goes on where it was stopped, and another one is refused.
+//!
+//! A bucket takes an export as a folder does. A shard is sent part by part while it is made; what
+//! of it was sent when it was stopped is no object yet, and it is made again.
+//!
+//! A bucket takes an export as a folder does. Shards are sent part by part while they are made, and
+//! what of one was sent when it was stopped is no object: it is made again.
 
 mod files;
 mod huggingface;
+mod place;
 mod plan;
 mod webdataset;
 
@@ -23,12 +30,14 @@ use crate::{
     error::ExportError,
     file::{unable, write_bytes},
     manifest::{Exported, Format, export_chosen},
-    product::{Factory, Kind, Products},
+    product::{Factory, Kind, Product, Products},
     selection::{Chosen, ChosenImage, Selection},
 };
 use coordinator::ReadOnlyStore;
+use dataset::CompletedView;
 use plan::Plan;
 use std::{
+    env,
     fs::{self, File},
     path::Path,
     sync::{
@@ -39,10 +48,21 @@ use std::{
 };
 
 pub(crate) use huggingface::column_name;
+pub use place::Place;
 pub use plan::{Layout, Unit};
 
 /// Bytes of a shard, about, unless asked for otherwise.
 pub const SHARD_BYTES: u64 = 1_000_000_000;
+
+/// What describes an export; the manifest last.
+const DESCRIPTIONS: [&str; 6] = [
+    "specification.toml",
+    "examples.png",
+    "parameters.svg",
+    "README.md",
+    "croissant.json",
+    "manifest.parquet",
+];
 
 /// Room that metadata and the file system want beside the images.
 const SPARE_BYTES: u64 = 64 << 20;
@@ -64,7 +84,7 @@ pub struct Options {
     pub publication: Publication,
 }
 
-/// Exports a store into a folder. `progress` is told, from any thread, how many images are there.
+/// Exports a store into a folder or a bucket. `progress` is told, from any thread, how many images are there.
 /// `examples` is the picture that the card shows, a PNG file.
 ///
 /// # Errors
@@ -74,9 +94,10 @@ pub fn export(
     store: &ReadOnlyStore,
     options: &Options,
     examples: &[u8],
-    folder: &Path,
+    place: impl Into<Place>,
     progress: &(dyn Fn(u64) + Sync),
 ) -> Result<Exported, ExportError> {
+    let place = place.into();
     let chosen = options.selection.choose(store)?;
     if chosen.images() == 0 {
         return Err(ExportError::Nothing);
@@ -85,23 +106,34 @@ pub fn export(
         factory: Factory::new(store.specification(), &chosen.views, &options.products)?,
         kinds: options.products.kinds(),
         store,
-        folder,
+        place: &place,
         chosen,
         layout: options.layout,
     };
     let plan = Plan::new(&work, options)?;
-    plan.claim(folder)?;
+    plan.claim(&place)?;
     let undone = work.undone(&plan)?;
-    check_room(folder, &undone)?;
+    if let Place::Folder(folder) = &place {
+        check_room(folder, &undone)?;
+    }
     let images: u64 = undone.iter().map(|unit| work.images_of(unit)).sum();
     let there = AtomicU64::new(work.chosen.images() - images);
     progress(there.load(Ordering::Relaxed));
     let tell = || progress(there.fetch_add(1, Ordering::Relaxed) + 1);
     work.run(&undone, options.threads, &tell)?;
-    sync_file_system(folder)?;
-    let exported = work.finish(&plan, options, examples)?;
-    sync_file_system(folder)?;
-    Ok(exported)
+    match &place {
+        Place::Folder(folder) => {
+            sync_file_system(folder)?;
+            let exported = work.finish(&plan, options, examples, folder)?;
+            sync_file_system(folder)?;
+            Ok(exported)
+        }
+        Place::Bucket(_) => {
+            let scratch = env::temp_dir();
+            let scratch = tempfile::tempdir().map_err(unable("make a folder in", &scratch))?;
+            work.finish(&plan, options, examples, scratch.path())
+        }
+    }
 }
 
 /// One export under way.
@@ -111,7 +143,7 @@ struct Work<'a> {
     factory: Factory,
     kinds: Vec<Kind>,
     layout: Layout,
-    folder: &'a Path,
+    place: &'a Place,
 }
 
 impl Work<'_> {
@@ -122,10 +154,17 @@ impl Work<'_> {
     /// The units that are not there yet.
     fn undone<'a>(&self, plan: &'a Plan) -> Result<Vec<&'a Unit>, ExportError> {
         let mut undone = Vec::new();
+        let objects = self.place.objects()?;
         for unit in &plan.units {
-            let there = match self.layout {
-                Layout::Files { .. } => files::is_there(self, unit)?,
-                Layout::WebDataset | Layout::HuggingFace => self.folder.join(&unit.path).is_file(),
+            let there = match (self.layout, self.place) {
+                (Layout::Files { .. }, Place::Folder(folder)) => {
+                    files::is_there(self, unit, folder)?
+                }
+                (Layout::Files { .. }, Place::Bucket(_)) => {
+                    files::are_objects(self, unit, &objects)?
+                }
+                (_, Place::Folder(folder)) => folder.join(&unit.path).is_file(),
+                (_, Place::Bucket(_)) => objects.contains_key(&unit.path),
             };
             if !there {
                 undone.push(unit);
@@ -169,14 +208,10 @@ impl Work<'_> {
     }
 
     fn make(&self, unit: &Unit, tell: &(dyn Fn() + Sync)) -> Result<(), ExportError> {
-        let path = self.folder.join(&unit.path);
-        if let Some(parent) = path.parent() {
-            fs::create_dir_all(parent).map_err(unable("make", parent))?;
-        }
         match self.layout {
-            Layout::Files { links } => files::write(self, unit, &path, links, tell),
-            Layout::WebDataset => webdataset::write(self, unit, &path, tell),
-            Layout::HuggingFace => huggingface::write(self, unit, &path, tell),
+            Layout::Files { links } => files::write(self, unit, links, tell),
+            Layout::WebDataset => webdataset::write(self, unit, tell),
+            Layout::HuggingFace => huggingface::write(self, unit, tell),
         }
     }
 
@@ -193,22 +228,39 @@ impl Work<'_> {
         Ok(images.collect())
     }
 
-    /// Writes what describes the export; the manifest last.
+    /// Hands out the images of a material of a unit with all that is made of each.
+    fn each_image(
+        &self,
+        unit: &Unit,
+        material: u32,
+        mut take: impl FnMut(&ChosenImage, Vec<Product>) -> Result<(), ExportError>,
+    ) -> Result<(), ExportError> {
+        let images = self.images(unit, material)?;
+        let files: Vec<CompletedView> = images.iter().map(|image| image.done.clone()).collect();
+        for (image, read) in images.iter().zip(self.store.read_images(&files)) {
+            take(image, self.factory.make(self.store, image, read)?)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what describes the export, the manifest last; in `folder` first, where the export
+    /// goes to a bucket.
     fn finish(
         &self,
         plan: &Plan,
         options: &Options,
         examples: &[u8],
+        folder: &Path,
     ) -> Result<Exported, ExportError> {
         let specification = self.store.specification();
         write_bytes(
-            &self.folder.join("specification.toml"),
+            &folder.join("specification.toml"),
             specification.to_toml().as_bytes(),
         )?;
-        write_bytes(&self.folder.join("examples.png"), examples)?;
-        let manifest = self.folder.join("manifest.parquet");
+        write_bytes(&folder.join("examples.png"), examples)?;
+        let manifest = folder.join("manifest.parquet");
         // Written beside first: its digest is part of what describes the export.
-        let whole = self.folder.join("manifest.parquet.whole");
+        let whole = folder.join("manifest.parquet.whole");
         let unit_of = plan.units_by_material();
         let exported = export_chosen(
             self.store,
@@ -230,8 +282,9 @@ impl Work<'_> {
             shards: &plan.units,
             publication: &options.publication,
         };
-        card::write(&described, self.folder, &whole)?;
+        card::write(&described, folder, &whole)?;
         fs::rename(&whole, &manifest).map_err(unable("rename to", &manifest))?;
+        self.place.take(folder, &DESCRIPTIONS)?;
         Ok(exported)
     }
 }

@@ -1,19 +1,16 @@
 //! What an export is made of, worked out before anything is written.
 
-use super::{Options, Work};
-use crate::{
-    error::ExportError,
-    file::{unable, write_bytes},
+use super::{
+    Options, Work,
+    place::{Place, READ_BYTES_MAX},
 };
+use crate::error::ExportError;
 use dataset::{Digest, Split};
 use serde_json::{Value, json};
-use std::{collections::HashMap, fs, io, path::Path};
+use std::collections::HashMap;
 
 /// The file that says what an export is to be.
 const PLAN_FILE: &str = "export.json";
-
-/// The largest such file that is read, bytes.
-const PLAN_BYTES_MAX: u64 = 1 << 20;
 
 /// Bytes of labels with an image in a shard, at most.
 const LABEL_BYTES: u64 = 8 << 10;
@@ -24,7 +21,7 @@ pub enum Layout {
     /// A folder for each material with a file for each view.
     Files {
         /// Images are hard links to the store's, which has to be on the same file system. Whoever
-        /// changes such a file changes the store.
+        /// changes such a file changes the store. Not for images in a bucket, nor into one.
         links: bool,
     },
     /// Tar shards, a sample for each material.
@@ -118,37 +115,27 @@ impl Plan {
         })
     }
 
-    /// Makes sure that a folder is empty or holds this very export, and says in it what it is.
-    pub fn claim(&self, folder: &Path) -> Result<(), ExportError> {
-        fs::create_dir_all(folder).map_err(unable("make", folder))?;
-        let path = folder.join(PLAN_FILE);
+    /// Makes sure that a place is empty or holds this very export, and says in it what it is.
+    pub fn claim(&self, place: &Place) -> Result<(), ExportError> {
+        place.make()?;
         let occupied = |found: String| ExportError::Occupied {
-            folder: folder.to_owned(),
+            folder: place.name(),
             found,
         };
-        match fs::metadata(&path) {
-            Ok(there) if there.len() <= PLAN_BYTES_MAX => {
-                let found = fs::read(&path).map_err(unable("read", &path))?;
-                if found == self.description.as_bytes() {
-                    return Ok(());
-                }
+        match place.read(PLAN_FILE)? {
+            Some(found) if found == self.description.as_bytes() => Ok(()),
+            Some(found) if found.len() as u64 <= READ_BYTES_MAX => {
                 Err(occupied(self.difference(&found)))
             }
-            Ok(_) => Err(occupied("another export".to_owned())),
-            Err(error) if error.kind() == io::ErrorKind::NotFound => {
-                let mut entries = fs::read_dir(folder).map_err(unable("read", folder))?;
+            Some(_) => Err(occupied("another export".to_owned())),
+            None => {
                 // The plan's own file may have been cut short.
                 let unfinished = format!("{PLAN_FILE}.new");
-                let other = entries.find_map(|entry| {
-                    let name = entry.ok()?.file_name();
-                    (name != *unfinished && name != "lost+found").then_some(name)
-                });
-                if let Some(name) = other {
-                    return Err(occupied(format!("{:?}", name.to_string_lossy())));
+                match place.occupant(&[&unfinished, "lost+found"])? {
+                    Some(name) => Err(occupied(format!("{name:?}"))),
+                    None => Ok(place.write_bytes(PLAN_FILE, self.description.as_bytes())?),
                 }
-                Ok(write_bytes(&path, self.description.as_bytes())?)
             }
-            Err(error) => Err(unable("read", &path)(error).into()),
         }
     }
 

@@ -5,24 +5,21 @@
 //! bytes.
 
 use super::{Unit, Work};
-use crate::{
-    error::ExportError,
-    file::{unable, write_whole},
-};
-use std::{io::Write, path::Path};
+use crate::{error::ExportError, file::unable};
+use std::io::Write;
 use tar::{Builder, EntryType, Header};
 
 /// Writes a shard.
 pub(super) fn write(
     work: &Work<'_>,
     unit: &Unit,
-    path: &Path,
     tell: &(dyn Fn() + Sync),
 ) -> Result<(), ExportError> {
-    write_whole(path, |file| {
+    let path = &work.place.path(&unit.path);
+    work.place.write(&unit.path, |file| {
         let mut shard = Builder::new(file);
         for &material in &unit.materials {
-            for image in work.images(unit, material)? {
+            work.each_image(unit, material, |image, products| {
                 let key = format!("{material:06}.v{:02}", image.view);
                 let labels =
                     serde_json::to_vec(&image.row).map_err(ExportError::encode("a row"))?;
@@ -30,12 +27,13 @@ pub(super) fn write(
                     append(&mut shard, &format!("{key}.{extension}"), bytes)
                         .map_err(unable("write", path))
                 };
-                for product in work.factory.make(work.store, &image)? {
+                for product in products {
                     put(product.kind.extension, &product.bytes)?;
                 }
                 put("json", &labels)?;
                 tell();
-            }
+                Ok(())
+            })?;
         }
         Ok(shard.finish().map_err(unable("write", path))?)
     })

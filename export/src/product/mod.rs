@@ -16,7 +16,7 @@ use crate::{
     rectify::{Rectifier, RectifyError},
     selection::ChosenImage,
 };
-use coordinator::{ReadOnlyStore, acceptance::decode};
+use coordinator::{ImageFault, ReadOnlyStore, acceptance::decode};
 use dataset::{
     Specification,
     specification::{Image, Pixel},
@@ -138,7 +138,7 @@ impl Factory {
         })
     }
 
-    /// Reads an image of a store and makes all files of it.
+    /// Makes all files of an image of a store, given what was read of it.
     ///
     /// # Errors
     /// When the image is damaged: nothing is exported that `verify` would fault.
@@ -146,14 +146,13 @@ impl Factory {
         &self,
         store: &ReadOnlyStore,
         image: &ChosenImage,
+        read: Result<Vec<u8>, ImageFault>,
     ) -> Result<Vec<Product>, ExportError> {
         let faulty = |reason| ExportError::Image {
             path: store.image_path(&image.done.digest),
             reason,
         };
-        let exr = store
-            .read_image(&image.done)
-            .map_err(|fault| faulty(fault.to_string()))?;
+        let exr = read.map_err(|fault| faulty(fault.to_string()))?;
         let kinds = self.products.kinds();
         if let [kind] = *kinds {
             return Ok(vec![Product { kind, bytes: exr }]);

@@ -52,7 +52,15 @@ fn store_of(materials: u32) -> (tempfile::TempDir, ReadOnlyStore) {
 fn take_in(from: &Path, store: &Path) -> Result<Imported, ImportError> {
     let manifest = from.join("manifest.parquet");
     let specification = read_specification(&manifest)?;
-    import(&specification, &manifest, from, store, 2, &|_, _| ())
+    import(
+        &specification,
+        &manifest,
+        &from.into(),
+        store,
+        None,
+        2,
+        &|_, _| (),
+    )
 }
 
 fn manifests(store: &ReadOnlyStore, folder: &Path) -> [Vec<u8>; 3] {
@@ -161,8 +169,9 @@ fn a_row_edited_by_hand_is_named_with_its_column() {
     let refused = import(
         store.specification(),
         &path,
-        folder.path(),
+        &folder.path().into(),
         &folder.path().join("new"),
+        None,
         1,
         &|_, _| (),
     );
@@ -268,8 +277,9 @@ fn a_manifest_that_leads_out_of_its_folder_lies_of_sizes_or_is_of_a_part_is_refu
         let refused = import(
             store.specification(),
             &path,
-            folder.path(),
+            &folder.path().into(),
             &new,
+            None,
             1,
             &|_, _| (),
         );

@@ -283,6 +283,7 @@ impl Puppet {
         let views = images.iter().map(|bytes| proto::View {
             digest: Digest::of(bytes).as_bytes().to_vec(),
             size: bytes.len() as u64,
+            md5: Vec::new(),
             statistics: Some(proto::ErrorStatistics {
                 mean: statistics.mean,
                 p95: statistics.p95,
