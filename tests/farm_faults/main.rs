@@ -8,6 +8,7 @@
 )]
 
 mod bucket;
+mod bucket_scale;
 mod campaign;
 mod faults;
 mod harness;
