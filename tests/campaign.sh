@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# At least 100 kill -9 of coordinator and workers, at random instants of one run of 60 materials;
-# ends with counts. Before that a connection that dies without a word, which takes a minute.
-# BRDFARM_SEED=N repeats a run that failed.
+# At least 100 kill -9 of coordinator and workers, at random instants of one run of 60 materials,
+# once with images in files and once in a bucket; ends with counts. Before that a connection that
+# dies without a word, which takes a minute. BRDFARM_SEED=N repeats a run that failed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 cargo test --test farm_faults a_connection_that_dies -- --ignored
-cargo test --test farm_faults campaign_of_a_hundred_kills -- --ignored --nocapture
+cargo test --test farm_faults campaign_of_a_hundred_kills -- --ignored --nocapture --test-threads 1

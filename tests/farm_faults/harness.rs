@@ -38,6 +38,10 @@ impl Process {
         assert!(sent.expect("kill runs").success(), "SIG{name} to {id}");
     }
 
+    pub fn id(&self) -> u32 {
+        self.0.id()
+    }
+
     pub fn kill(mut self) {
         self.0.kill().expect("SIGKILL");
         self.0.wait().expect("its end");

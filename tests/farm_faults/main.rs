@@ -11,6 +11,7 @@
 
 mod bad_workers;
 mod bucket;
+mod bucket_scale;
 mod campaign;
 mod corruption;
 mod faults;

@@ -16,6 +16,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::runtime::{self, Runtime};
 
@@ -31,6 +32,17 @@ pub struct Count {
     pub requests: u64,
     pub bytes_in: u64,
     pub bytes_out: u64,
+    busy: Duration,
+    /// How many are under way, and since when some are.
+    under_way: u32,
+    since: Option<Instant>,
+}
+
+impl Count {
+    /// How long at least one was under way.
+    pub fn seconds(&self) -> f64 {
+        self.busy.as_secs_f64()
+    }
 }
 
 /// A server that ends with its test.
@@ -189,11 +201,23 @@ async fn answer(
         s3s::Body::from(body)
     };
     let request = Request::from_parts(head, body);
+    {
+        let mut counts = state.counts.lock().expect("counts");
+        let count = counts.entry(kind).or_default();
+        count.under_way += 1;
+        count.since.get_or_insert_with(Instant::now);
+    }
     let response = service.call(request).await;
     let response = response.map_err(|error| io::Error::other(format!("{error:?}")))?;
     let mut counts = state.counts.lock().expect("counts");
     let count = counts.entry(kind).or_default();
     count.requests += 1;
+    count.under_way = count.under_way.saturating_sub(1);
+    if count.under_way == 0
+        && let Some(since) = count.since.take()
+    {
+        count.busy += since.elapsed();
+    }
     count.bytes_in += bytes_in;
     if kind != "HEAD" {
         count.bytes_out += length(response.headers());
