@@ -58,14 +58,18 @@ impl Drop for Process {
     }
 }
 
-pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+pub fn patience() -> Duration {
     let given = std::env::var("BRDFARM_PATIENCE_SECONDS").ok();
     let given = given.map(|seconds| {
         seconds
             .parse()
             .expect("BRDFARM_PATIENCE_SECONDS is a number")
     });
-    let deadline = Instant::now() + given.map_or(PATIENCE, Duration::from_secs);
+    given.map_or(PATIENCE, Duration::from_secs)
+}
+
+pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + patience();
     while !done() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(10));
