@@ -27,7 +27,11 @@ pub fn tokens(bytes: &[u8]) -> bool {
     for line in text.lines().map(str::trim) {
         if let Some((_, token)) = line.split_once(' ').filter(|_| !line.starts_with('#')) {
             assert!(tokens.role(token.trim().as_bytes()).is_some());
-            assert_eq!(tokens.role(&token.trim().as_bytes()[1..]), None);
+            let shorter = &token.trim()[1..];
+            let known = text
+                .lines()
+                .any(|line| line.trim_end().ends_with(&format!(" {shorter}")));
+            assert!(known || tokens.role(shorter.as_bytes()).is_none());
         }
     }
     assert_eq!(tokens.role(b""), None);

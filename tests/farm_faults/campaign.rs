@@ -1,6 +1,6 @@
 //! Coordinator and workers killed again and again in one run.
 
-use crate::harness::{Draws, Harness, Process, seed};
+use crate::harness::{Draws, Harness, Process, patience, seed};
 use std::collections::BTreeSet;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -36,6 +36,7 @@ pub fn campaign(mut harness: Harness, materials: u32, kills_min: u32, pause_ms: 
     while harness.completed().len() < materials as usize {
         // At a random instant, or sooner where the set would be complete before enough were killed.
         let until = Instant::now() + Duration::from_millis(draws.below(pause_ms));
+        assert!(began.elapsed() < patience(), "the set is never complete");
         let due = (coordinator_kills + worker_kills + 1) * materials / (kills_min + 2);
         while Instant::now() < until && harness.completed().len() < due as usize {
             thread::sleep(Duration::from_millis(2));

@@ -87,6 +87,13 @@ fn a_log_that_is_cut_flipped_or_gone_is_written_again() {
                 let place = draws.below(whole.len() as u64) as usize;
                 fs::write(&path, &whole[..place]).expect("written");
             }
+            // A digit that becomes another: only its checksum says that the line is wrong.
+            4 => damage(&path, |bytes| {
+                let name = b"\"bytes\":";
+                let place = bytes.windows(name.len()).position(|found| found == name);
+                let digit = &mut bytes[place.expect("a size") + name.len()];
+                *digit = if *digit == b'1' { b'2' } else { b'1' };
+            }),
             _ => damage(&path, |bytes| {
                 let place = draws.below(whole.len() as u64) as usize;
                 bytes[place] ^= 1 << draws.below(7);

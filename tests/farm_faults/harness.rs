@@ -66,14 +66,18 @@ impl Drop for Process {
     }
 }
 
-pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+pub fn patience() -> Duration {
     let given = std::env::var("BRDFARM_PATIENCE_SECONDS").ok();
     let given = given.map(|seconds| {
         seconds
             .parse()
             .expect("BRDFARM_PATIENCE_SECONDS is a number")
     });
-    let deadline = Instant::now() + given.map_or(PATIENCE, Duration::from_secs);
+    given.map_or(PATIENCE, Duration::from_secs)
+}
+
+pub fn wait_for(what: &str, mut done: impl FnMut() -> bool) {
+    let deadline = Instant::now() + patience();
     while !done() {
         assert!(Instant::now() < deadline, "waited in vain for {what}");
         std::thread::sleep(Duration::from_millis(10));
@@ -243,11 +247,16 @@ impl Harness {
         fs::read_to_string(self.path().join(out)).expect("a manifest")
     }
 
-    /// The farm's set is complete, every image is there once and what an undisturbed run makes.
-    pub fn expect_undisturbed(&self) {
+    /// The farm's set is complete and what an undisturbed run makes.
+    pub fn expect_the_undisturbed_set(&self) {
         self.succeed("dataset verify --store farm");
         self.succeed("run --spec spec.toml --store undisturbed --backend native");
         assert_eq!(self.manifest("farm"), self.manifest("undisturbed"));
+    }
+
+    /// The same, and nothing was ever completed twice.
+    pub fn expect_undisturbed(&self) {
+        self.expect_the_undisturbed_set();
         let materials = self.completed();
         let once: BTreeSet<u64> = materials.iter().copied().collect();
         assert_eq!(

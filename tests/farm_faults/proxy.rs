@@ -42,6 +42,8 @@ struct State {
     waiting: AtomicU64,
     late_pieces: AtomicU64,
     open: Mutex<Vec<Joined>>,
+    // Kept open: a stream that is dropped is closed.
+    dead: Mutex<Vec<Joined>>,
 }
 
 impl Proxy {
@@ -92,6 +94,7 @@ impl Proxy {
     pub fn deaden(&self) {
         for joined in self.state.open.lock().expect("streams").drain(..) {
             joined.fate.dead.store(true, Ordering::Relaxed);
+            self.state.dead.lock().expect("streams").push(joined);
         }
     }
 
@@ -153,6 +156,9 @@ impl State {
         if to_server && fate.overtaken.load(Ordering::Relaxed) {
             thread::sleep(OVERTAKEN_LINGER);
         }
-        let _ = to.shutdown(Shutdown::Both);
+        // The end of a dead connection is not heard of either.
+        if !fate.dead.load(Ordering::Relaxed) {
+            let _ = to.shutdown(Shutdown::Both);
+        }
     }
 }
