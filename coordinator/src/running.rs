@@ -128,7 +128,7 @@ pub struct RunningCoordinator {
     tasks: JoinSet<()>,
     stop: watch::Sender<bool>,
     // The last to go: whoever gets the lock next finds a store that nobody writes.
-    lock: File,
+    lock: Option<File>,
 }
 
 /// The services of a coordinator without its network and what protects it: calls are made in this
@@ -140,7 +140,7 @@ pub struct Services<F, C> {
     pub control: C,
     _stop: watch::Sender<bool>,
     // The last to go, as in RunningCoordinator.
-    _lock: File,
+    _lock: Option<File>,
 }
 
 /// What a coordinator serves.

@@ -287,3 +287,58 @@ fn make_staging(root: &Path) -> Result<(PathBuf, File), FileError> {
         .map_err(|error| FileError::new("lock", &path)(error.into()))?;
     Ok((own, lock))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::postgres::fresh_schema;
+
+    fn specification(materials: u32) -> Specification {
+        let mut specification = Specification::preset();
+        specification.materials = materials;
+        specification
+    }
+
+    #[tokio::test]
+    async fn a_shared_store_is_one_dataset_with_its_images_in_one_place() {
+        let url = fresh_schema().await;
+        let images = tempfile::tempdir().unwrap();
+        let open = |materials, blobs| {
+            let url = url.clone();
+            async move { SharedStore::open_or_create(&url, &specification(materials), blobs).await }
+        };
+        let error = open(4, None).await.err().unwrap();
+        assert!(
+            matches!(error, SharedStoreError::BlobsUnknown(_)),
+            "{error}"
+        );
+        let one = open(4, Some(images.path())).await.unwrap();
+        // Beside the first, and more of it.
+        let two = open(9, None).await.unwrap();
+        assert_eq!(two.specification().materials, 9);
+        assert_eq!(open(2, None).await.unwrap().specification().materials, 9);
+
+        let elsewhere = tempfile::tempdir().unwrap();
+        let error = open(4, Some(elsewhere.path())).await.err().unwrap();
+        assert!(matches!(error, SharedStoreError::Blobs { .. }), "{error}");
+        let mut other = specification(4);
+        other.image.width /= 2;
+        let error = SharedStore::open_or_create(&url, &other, None).await;
+        let error = error.err().unwrap();
+        assert!(
+            matches!(error, SharedStoreError::Specification { .. }),
+            "{error}"
+        );
+
+        // What one stages is safe from the others; what is left of one that is gone is not.
+        let digest = Digest::of(b"image");
+        let staged = one.blobs.stage(digest, b"image").unwrap();
+        drop(two.blobs.stage(digest, b"image").unwrap());
+        drop(two);
+        let three = open(4, None).await.unwrap();
+        one.blobs.publish([&staged].into_iter()).unwrap();
+        assert_eq!(three.blobs.size(&digest).unwrap(), Some(5));
+        let folders = fs::read_dir(images.path().join("staging")).unwrap();
+        assert_eq!(folders.count(), 4, "a folder and a lock for each of two");
+    }
+}

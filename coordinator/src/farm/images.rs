@@ -34,7 +34,7 @@ impl Farm {
         size: u64,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
-        if self.blobs.objects().is_some() {
+        if self.surroundings.blobs.objects().is_some() {
             return Err(FarmError::ByUrl);
         }
         let received = data.as_ref().len() as u64;

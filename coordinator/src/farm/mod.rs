@@ -138,7 +138,7 @@ impl Farm {
         options: &Options,
         metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
-    ) -> Result<(Self, File), FarmError> {
+    ) -> Result<(Self, Option<File>), FarmError> {
         let specification = store.specification().clone();
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
@@ -207,7 +207,7 @@ fn uploads_at_once() -> usize {
 }
 
 /// A board, what it shares with its farm, and the lock of its store.
-type Opened = (Arc<dyn Board>, Arc<Surroundings>, File);
+type Opened = (Arc<dyn Board>, Arc<Surroundings>, Option<File>);
 
 async fn own_board(
     store: Store,
@@ -236,7 +236,7 @@ async fn own_board(
     if !options.keep_leases {
         board.release_all().await?;
     }
-    Ok((Arc::new(board), surroundings, lock))
+    Ok((Arc::new(board), surroundings, Some(lock)))
 }
 
 async fn shared_board(

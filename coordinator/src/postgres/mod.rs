@@ -33,6 +33,8 @@ mod tests;
 pub(crate) use connecting::Database;
 pub use connecting::DatabaseError;
 pub(crate) use schema::Identity;
+#[cfg(test)]
+pub(crate) use tests::server::fresh_schema;
 
 use crate::{
     board::{

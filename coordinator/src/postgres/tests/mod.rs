@@ -7,7 +7,7 @@ mod measure;
 mod model;
 mod plans;
 mod replicas;
-mod server;
+pub(crate) mod server;
 
 use super::{Database, Identity, PostgresBoard, Presence};
 use crate::{
