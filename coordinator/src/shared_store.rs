@@ -303,6 +303,7 @@ mod tests {
     async fn a_shared_store_is_one_dataset_with_its_images_in_one_place() {
         let url = fresh_schema().await;
         let images = tempfile::tempdir().unwrap();
+        let place = BlobsPlace::Folder(images.path().to_owned());
         let open = |materials, blobs| {
             let url = url.clone();
             async move { SharedStore::open_or_create(&url, &specification(materials), blobs).await }
@@ -312,14 +313,15 @@ mod tests {
             matches!(error, SharedStoreError::BlobsUnknown(_)),
             "{error}"
         );
-        let one = open(4, Some(images.path())).await.unwrap();
+        let one = open(4, Some(&place)).await.unwrap();
         // Beside the first, and more of it.
         let two = open(9, None).await.unwrap();
         assert_eq!(two.specification().materials, 9);
         assert_eq!(open(2, None).await.unwrap().specification().materials, 9);
 
-        let elsewhere = tempfile::tempdir().unwrap();
-        let error = open(4, Some(elsewhere.path())).await.err().unwrap();
+        let other_folder = tempfile::tempdir().unwrap();
+        let elsewhere = BlobsPlace::Folder(other_folder.path().to_owned());
+        let error = open(4, Some(&elsewhere)).await.err().unwrap();
         assert!(matches!(error, SharedStoreError::Blobs { .. }), "{error}");
         let mut other = specification(4);
         other.image.width /= 2;
