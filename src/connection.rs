@@ -4,7 +4,7 @@ use crate::failure::BadInput;
 use anyhow::Context;
 use clap::Args;
 use proto::{
-    ControlClient,
+    ControlClient, HealthClient,
     client::{self, Credentials, with_deadline},
 };
 use std::fs;
@@ -98,6 +98,12 @@ impl CoordinatorOptions {
     pub fn connect(&self) -> anyhow::Result<ControlClient> {
         let credentials = self.credentials.load()?;
         Ok(client::control(&self.url, &credentials).map_err(BadInput)?)
+    }
+
+    /// A client of the health service; has to be called inside a runtime.
+    pub fn connect_health(&self) -> anyhow::Result<HealthClient> {
+        let credentials = self.credentials.load()?;
+        Ok(client::health(&self.url, &credentials).map_err(BadInput)?)
     }
 
     /// What a status means for whoever called.

@@ -1,6 +1,7 @@
 //! `brdfarm coordinator serve`: the coordinator alone.
 
 use crate::connection::{read_if_there, text};
+use crate::coordinator_health;
 use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{shutdown, specification};
@@ -18,6 +19,7 @@ use std::time::Duration;
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Serve(Options),
+    Health(coordinator_health::Options),
 }
 
 /// Hand out jobs to workers and keep what they render
@@ -75,7 +77,11 @@ pub struct Options {
 }
 
 /// Serves.
-pub fn execute(Command::Serve(options): &Command) -> anyhow::Result<()> {
+pub fn execute(command: &Command) -> anyhow::Result<()> {
+    let options = match command {
+        Command::Serve(options) => options,
+        Command::Health(options) => return coordinator_health::execute(options),
+    };
     let specification = options.specification.load()?;
     let for_coordinator = options.for_coordinator()?;
     Coordinator::check(&specification, &for_coordinator)?;

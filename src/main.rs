@@ -3,6 +3,7 @@
 mod brdf;
 mod completions;
 mod connection;
+mod coordinator_health;
 mod coordinator_serve;
 mod cores;
 mod credentials;

@@ -275,6 +275,7 @@ async fn work(mut client: FarmClient, worker_id: Vec<u8>, uploads: Uploads) -> S
                 put.unwrap();
                 seen.uploads.push(asked.elapsed());
                 views.push(proto::View {
+                    md5: Vec::new(),
                     digest: upload.digest.clone(),
                     size: upload.size,
                     statistics: Some(proto::ErrorStatistics::default()),

@@ -63,9 +63,9 @@ pub enum SharedStoreError {
         /// The database.
         name: String,
         /// Where they are.
-        found: BlobsPlace,
+        found: Box<BlobsPlace>,
         /// What was given.
-        given: BlobsPlace,
+        given: Box<BlobsPlace>,
     },
     /// The place in the bucket is another store's.
     #[error("{0} has the images of another store: choose another prefix")]
@@ -238,8 +238,8 @@ fn check(
     {
         return Err(SharedStoreError::Blobs {
             name: name.to_owned(),
-            found,
-            given,
+            found: Box::new(found),
+            given: Box::new(given),
         });
     }
     specification.materials = specification.materials.max(wanted.materials);
@@ -256,7 +256,9 @@ async fn claimed_bucket(url: BucketUrl, owner: String) -> Result<Blobs, SharedSt
             _ => Ok(blobs),
         }
     });
-    claimed.await.unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()))
+    claimed
+        .await
+        .unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()))
 }
 
 /// Makes a folder to stage uploads in, locked, and removes those that nobody has locked any more.

@@ -46,7 +46,9 @@ fn manifest(bytes: &[u8], name: &str) -> bool {
         Ok(())
     });
     // There are no images beside it: what is right ends there.
-    let images = read_images(&SPECIFICATION, &path, FOLDER.path(), &mut |_, _| Ok(()));
+    let images = read_images(&SPECIFICATION, &path, &FOLDER.path().into(), &mut |_, _| {
+        Ok(())
+    });
     if rows > 0 && outcome.is_ok() {
         assert!(images.is_err());
     }
@@ -89,12 +91,17 @@ fn shard(bytes: &[u8], name: &str, manifest: &Path) -> bool {
     const IMAGE_BYTES_MAX: usize = 1 << 20;
     fs::write(SHARDS.path().join(name), bytes).unwrap();
     let mut materials = 0;
-    let outcome = read_images(&SPECIFICATION, manifest, SHARDS.path(), &mut |_, files| {
-        materials += 1;
-        assert_eq!(files.len(), SPECIFICATION.views.len());
-        assert!(files.iter().all(|file| file.len() <= IMAGE_BYTES_MAX));
-        Ok(())
-    });
+    let outcome = read_images(
+        &SPECIFICATION,
+        manifest,
+        &SHARDS.path().into(),
+        &mut |_, files| {
+            materials += 1;
+            assert_eq!(files.len(), SPECIFICATION.views.len());
+            assert!(files.iter().all(|file| file.len() <= IMAGE_BYTES_MAX));
+            Ok(())
+        },
+    );
     if let Err(error) = outcome {
         let expected = matches!(
             error,

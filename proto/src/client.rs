@@ -1,6 +1,6 @@
 //! Connecting to a coordinator, with the deadlines, limits and credentials of every client.
 
-use crate::{ControlClient, FarmClient, limits};
+use crate::{ControlClient, FarmClient, HealthClient, limits};
 use std::{fmt, net::IpAddr, time::Duration};
 use tonic::{
     Request, Status,
@@ -68,6 +68,14 @@ pub fn control(url: &str, credentials: &Credentials) -> Result<ControlClient, St
     Ok(ControlClient::new(channel(url, credentials)?)
         .max_decoding_message_size(limits::MESSAGE_BYTES_MAX)
         .max_encoding_message_size(limits::CONTROL_MESSAGE_BYTES_MAX))
+}
+
+/// A client of the standard health service, which asks for no token; otherwise as [`farm`].
+///
+/// # Errors
+/// The sentence that says what is wrong with the URL or the credentials.
+pub fn health(url: &str, credentials: &Credentials) -> Result<HealthClient, String> {
+    Ok(HealthClient::new(channel(url, credentials)?))
 }
 
 fn channel(url: &str, credentials: &Credentials) -> Result<Channel, String> {

@@ -50,6 +50,10 @@ pub type FarmClient = generated::farm_client::FarmClient<client::Channel>;
 /// A person's client over an HTTP/2 channel; [`client::Endpoint`] makes one.
 pub type ControlClient = generated::control_client::ControlClient<client::Channel>;
 
+/// A client of the standard health service.
+pub type HealthClient = tonic_health::pb::health_client::HealthClient<client::Channel>;
+pub use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus};
+
 /// The service for workers over `farm`, with the message limits of [`limits`].
 pub fn farm_server<F: Farm>(farm: F) -> FarmServer<F> {
     FarmServer::new(farm)

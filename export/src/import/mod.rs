@@ -107,7 +107,8 @@ pub struct Imported {
 }
 
 /// Imports the images that a manifest names, relative to `source`, into the store at `path`, which
-/// is made where there is none, with its images in `bucket` if one is given. `progress` is told how many images are in, of how many.
+/// is made where there is none, with its images in `bucket` if one is given. `progress` is told how
+/// many images are in, of how many.
 ///
 /// # Errors
 /// At the first row or image that is wrong; what came in before stays, and the same call goes on.
@@ -154,11 +155,11 @@ pub fn import(
 pub fn read_images(
     specification: &Specification,
     manifest: &Path,
-    folder: &Path,
+    source: &Source,
     take: &mut TakeMaterial<'_>,
 ) -> Result<(), ImportError> {
     let wanted = read_manifest(specification, manifest)?;
-    for_each_material(&wanted, folder, take)
+    for_each_material(&wanted, source, take)
 }
 
 /// Drops the materials that a store has already, and counts them.

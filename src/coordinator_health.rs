@@ -1,0 +1,35 @@
+//! `brdfarm coordinator health`: whether a coordinator serves.
+
+use crate::connection::CoordinatorOptions;
+use clap::Args;
+use proto::{ServingStatus, client::with_deadline};
+use tonic::Response;
+
+/// Ask a coordinator whether it serves
+///
+/// Asks the standard health service, which wants no token; for probes that cannot speak TLS
+/// themselves. Prints nothing and exits with 0 where it serves, with 1 where it does not or does not
+/// answer.
+#[derive(Debug, Args)]
+pub struct Options {
+    #[command(flatten)]
+    coordinator: CoordinatorOptions,
+}
+
+/// Asks.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()?;
+    runtime.block_on(async {
+        let mut client = options.coordinator.connect_health()?;
+        let question = with_deadline(proto::HealthCheckRequest::default());
+        let answer = client.check(question).await.map(Response::into_inner);
+        let answer = answer.map_err(|status| options.coordinator.error(&status))?;
+        anyhow::ensure!(
+            answer.status() == ServingStatus::Serving,
+            "the coordinator answers, and does not serve"
+        );
+        Ok(())
+    })
+}
