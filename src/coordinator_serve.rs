@@ -14,6 +14,7 @@ use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
+use tokio::runtime::Runtime;
 
 /// What a coordinator can be told.
 #[derive(Debug, Subcommand)]
@@ -85,16 +86,18 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
     let for_coordinator = options.for_coordinator()?;
     Coordinator::check(&specification, &for_coordinator)?;
-    let runtime = tokio::runtime::Runtime::new()?;
-    let (store, name) = runtime.block_on(options.open_store(&specification))?;
+    let runtime = Runtime::new()?;
+    let (store, name) = options.open_store(&specification, &runtime)?;
     runtime.block_on(serve(options, for_coordinator, store, &name))
 }
 
 impl Options {
-    /// The store, and its name, which never has a password in it.
-    async fn open_store(
+    /// The store, and its name, which never has a password in it. Has to be called outside of
+    /// `runtime`: a store in a folder may have its images in a bucket, and waits for that.
+    fn open_store(
         &self,
         specification: &Specification,
+        runtime: &Runtime,
     ) -> anyhow::Result<(AnyStore, String)> {
         let url = self
             .store
@@ -102,7 +105,8 @@ impl Options {
             .filter(|name| SharedStore::is_named_by(name));
         if let Some(url) = url {
             let blobs = self.blobs.as_ref();
-            let store = SharedStore::open_or_create(url, specification, blobs).await?;
+            let opening = SharedStore::open_or_create(url, specification, blobs);
+            let store = runtime.block_on(opening)?;
             let name = store.name().to_owned();
             return Ok((store.into(), name));
         }

@@ -122,6 +122,22 @@ async fn channel(url: &str, credentials: &Credentials) -> Channel {
     endpoint.connect().await.expect("a connection")
 }
 
+/// As a probe asks: without a token, believing the farm's authority.
+#[test]
+fn the_health_command_tells_by_its_exit_code() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    succeed(directory, "credentials keys");
+    std::fs::create_dir(directory.join("probe")).expect("made");
+    let authority = directory.join("keys/worker/authority.pem");
+    std::fs::copy(authority, directory.join("probe/authority.pem")).expect("copied");
+    let (coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
+    let health = format!("coordinator health --coordinator {url} --credentials probe");
+    assert_eq!(succeed(directory, &health), "");
+    drop(coordinator);
+    assert_eq!(run(directory, &health).status.code(), Some(1));
+}
+
 #[tokio::test]
 async fn health_is_for_everybody_and_reflection_for_those_with_a_token() {
     let directory = tempfile::tempdir().expect("a directory");
