@@ -1,10 +1,14 @@
 //! Whole datasets, made by real processes over real sockets.
 
+#[allow(dead_code, reason = "other tests use the rest")]
+mod process;
+
+use process::Process;
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader, Read};
+use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// How long a farm of this size may take at the very most.
@@ -61,39 +65,10 @@ fn manifest(directory: &Path, store: &str) -> String {
     fs::read_to_string(directory.join(out)).expect("a manifest")
 }
 
-/// A process that ends with its test.
-struct Process(Child);
-
-impl Process {
-    /// Waits for its end and tells whether it ended well.
-    fn ended_well(mut self) -> bool {
-        let deadline = Instant::now() + PATIENCE;
-        loop {
-            if let Some(status) = self.0.try_wait().expect("a status") {
-                return status.success();
-            }
-            assert!(Instant::now() < deadline, "a process does not end");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
-    fn kill(mut self) {
-        self.0.kill().expect("SIGKILL");
-        self.0.wait().expect("its end");
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // An error means that it has ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// A coordinator that ends when its set is complete, and its URL.
 fn coordinator(directory: &Path, store: &str) -> (Process, String) {
-    let mut child = brdfarm(directory)
+    let mut command = brdfarm(directory);
+    command
         .args([
             "coordinator",
             "serve",
@@ -108,24 +83,14 @@ fn coordinator(directory: &Path, store: &str) -> (Process, String) {
             "--lease-seconds",
             "2",
             "--exit-when-complete",
-        ])
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("a coordinator");
-    let mut line = String::new();
-    let stdout = child.stdout.take().expect("a pipe");
-    BufReader::new(stdout).read_line(&mut line).expect("a line");
-    let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
-    (Process(child), url)
+        ]);
+    Process::serving(&mut command).expect("a coordinator")
 }
 
 fn worker(directory: &Path, url: &str) -> Process {
-    let child = brdfarm(directory)
-        .args(["worker", "connect", url, "--threads", "1"])
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("a worker");
-    Process(child)
+    let mut command = brdfarm(directory);
+    command.args(["worker", "connect", url, "--threads", "1"]);
+    Process::spawn(command.stdout(Stdio::null()))
 }
 
 fn completions(store: &Path) -> usize {
@@ -165,8 +130,8 @@ fn a_killed_worker_loses_nothing_and_changes_nothing() {
         completions(&directory.join("farm")) < 20,
         "killed too late to tell anything"
     );
-    assert!(coordinator.ended_well());
-    assert!(survivor.ended_well());
+    assert!(coordinator.ended(PATIENCE).success());
+    assert!(survivor.ended(PATIENCE).success());
 
     succeed(directory, "dataset verify --store farm");
     let farm = manifest(directory, "farm");

@@ -1,10 +1,13 @@
 //! A farm steered from the command line, with real processes.
 
+#[allow(dead_code, reason = "other tests use the rest")]
+mod process;
+
+use process::Process;
 use serde_json::Value;
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -20,16 +23,6 @@ kind = "path"
 samples_per_pixel = 16
 "#;
 
-struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // An error means that it has ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 fn brdfarm(directory: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
     command.current_dir(directory);
@@ -37,17 +30,11 @@ fn brdfarm(directory: &Path) -> Command {
 }
 
 fn coordinator(directory: &Path) -> (Process, String) {
-    let child = brdfarm(directory)
+    let mut command = brdfarm(directory);
+    command
         .args(["coordinator", "serve", "--spec", "spec.toml"])
-        .args(["--listen", "127.0.0.1:0"])
-        .stdout(Stdio::piped())
-        .spawn();
-    let mut child = child.expect("a coordinator");
-    let mut line = String::new();
-    let stdout = child.stdout.take().expect("a pipe");
-    BufReader::new(stdout).read_line(&mut line).expect("a line");
-    let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
-    (Process(child), url)
+        .args(["--listen", "127.0.0.1:0"]);
+    Process::serving(&mut command).expect("a coordinator")
 }
 
 struct Farm<'a> {
@@ -75,12 +62,11 @@ impl Farm<'_> {
     }
 
     fn worker(&self) -> Process {
-        let child = brdfarm(self.directory)
+        let mut command = brdfarm(self.directory);
+        command
             .args(["worker", "connect", &self.url, "--threads", "1"])
-            .args(["--name", "hand", "--backend", "native"])
-            .stdout(Stdio::null())
-            .spawn();
-        Process(child.expect("a worker"))
+            .args(["--name", "hand", "--backend", "native"]);
+        Process::spawn(command.stdout(Stdio::null()))
     }
 
     fn wait(&self, until: impl Fn(&Value) -> bool) -> Value {
@@ -149,11 +135,8 @@ fn a_farm_obeys_its_commands() {
 
     assert_eq!(farm.say("drain"), "draining\n");
     farm.say("jobs retry 2");
-    let mut leaving = farm.worker();
-    assert!(
-        leaving.0.wait().expect("an end").success(),
-        "drained workers leave"
-    );
+    let leaving = farm.worker();
+    assert!(leaving.ended(PATIENCE).success(), "drained workers leave");
     assert_eq!(farm.status()["completed"], 6);
 }
 

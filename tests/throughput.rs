@@ -14,21 +14,24 @@
 #[path = "../coordinator/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "others use the rest")]
 mod cheap_image;
+#[allow(dead_code, reason = "other tests use the rest")]
+mod process;
 
 use cheap_image::cheap_image;
 use coordinator::ReadOnlyStore;
 use dataset::{Digest, Specification};
+use process::Process;
 use proto::{
     FarmClient,
     client::{Credentials, with_deadline, with_deadline_after},
 };
-use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, setrlimit};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::{
     fs,
-    io::{BufRead, BufReader, Read, Write},
+    io::{Read, Write},
     net::{TcpListener, TcpStream},
     path::Path,
-    process::{Child, Command, Stdio},
+    process::Command,
     sync::Arc,
     time::{Duration, Instant},
 };
@@ -39,6 +42,9 @@ const JOBS_PER_SECOND_MIN: f64 = 2000.0;
 
 /// What 99 of 100 calls for a lease are to stay under, as their caller sees it.
 const LEASE_P99_MAX_MS: f64 = 100.0;
+
+/// How long a coordinator may take to end.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// How long a worker asks to wait for a job.
 const WAIT: Duration = Duration::from_secs(1);
@@ -137,7 +143,7 @@ fn simulate(load: &Load) -> Figures {
     let (elapsed, seen) =
         runtime.block_on(work_all(load, &coordinator.url, &specification, uploads));
     let own = usage("self").seconds - own_before;
-    let its = usage(&coordinator.child.id().to_string());
+    let its = usage(&coordinator.process.id().to_string());
     let metrics = coordinator.metrics();
     coordinator.stop();
 
@@ -297,7 +303,7 @@ async fn work(mut client: FarmClient, worker_id: Vec<u8>, uploads: Uploads) -> S
 
 /// A coordinator, the program itself.
 struct Coordinator {
-    child: Child,
+    process: Process,
     url: String,
     metrics_address: String,
 }
@@ -308,19 +314,14 @@ impl Coordinator {
         let free = TcpListener::bind("127.0.0.1:0").unwrap();
         let metrics_address = free.local_addr().unwrap().to_string();
         drop(free);
-        let mut child = Command::new(env!("CARGO_BIN_EXE_brdfarm"))
+        let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
+        command
             .current_dir(folder)
             .args(["coordinator", "serve", "--spec", "spec.toml"])
-            .args(["--listen", "127.0.0.1:0", "--metrics", &metrics_address])
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        let stdout = child.stdout.take().unwrap();
-        BufReader::new(stdout).read_line(&mut line).unwrap();
-        let url = line.trim().rsplit(' ').next().unwrap().to_owned();
+            .args(["--listen", "127.0.0.1:0", "--metrics", &metrics_address]);
+        let (process, url) = Process::serving(&mut command).unwrap();
         Self {
-            child,
+            process,
             url,
             metrics_address,
         }
@@ -335,18 +336,9 @@ impl Coordinator {
         text
     }
 
-    fn stop(mut self) {
-        let id = Pid::from_child(&self.child);
-        kill_process(id, Signal::TERM).unwrap();
-        assert!(self.child.wait().unwrap().success());
-    }
-}
-
-impl Drop for Coordinator {
-    fn drop(&mut self) {
-        // An error means that it has ended already.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+    fn stop(self) {
+        self.process.signal("TERM");
+        assert!(self.process.ended(PATIENCE).success());
     }
 }
 

@@ -1,6 +1,6 @@
 //! Workers that lie, fail and hang: processes of their own, with the real renderer.
 
-use crate::harness::{Harness, Process, wait_for};
+use crate::harness::{Harness, Process, patience, wait_for};
 use coordinator::acceptance::decode;
 use dataset::{IMAGE_HEADER_ATTRIBUTE, SampledMaterial, Specification};
 use exr::prelude::*;
@@ -157,7 +157,7 @@ fn a_worker_that_lies_is_barred_and_its_work_rendered_again() {
     assert_eq!(barred(&harness), ["liar"]);
     assert_eq!(harness.status()["set_aside"], 0);
     for worker in sound {
-        assert_eq!(worker.code(), Some(0));
+        assert_eq!(worker.ended(patience()).code(), Some(0));
     }
     drop(liar);
     harness.kill_coordinator();
@@ -182,7 +182,7 @@ fn a_worker_that_fails_everything_is_barred_and_costs_no_material() {
     let status = harness.status();
     assert_eq!(status["set_aside"], 0);
     assert_eq!(status["failures"].as_u64(), failures, "it worked again");
-    assert_eq!(sound.code(), Some(0));
+    assert_eq!(sound.ended(patience()).code(), Some(0));
     drop(broken);
     harness.kill_coordinator();
     harness.expect_undisturbed();
@@ -199,8 +199,12 @@ fn a_worker_that_hangs_is_given_up() {
     let sound = harness.worker("sound", &harness.address);
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_ne!(hanging.code(), Some(0), "it says that it hangs");
-    assert_eq!(sound.code(), Some(0));
+    assert_ne!(
+        hanging.ended(patience()).code(),
+        Some(0),
+        "it says that it hangs"
+    );
+    assert_eq!(sound.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }

@@ -2,7 +2,7 @@
 //! server, coordinator, workers or bytes changes the set.
 
 use crate::campaign::campaign;
-use crate::harness::{Harness, wait_for};
+use crate::harness::{Harness, patience, wait_for};
 use crate::liar::{Claim, Liar, put, recorded};
 use crate::s3::{Server, UPLOAD};
 use std::fs;
@@ -24,7 +24,7 @@ fn image_bytes_go_from_workers_to_the_bucket_and_nowhere_else() {
     harness.options += " --log trace";
     harness.start();
     let worker = harness.worker("w", &harness.address);
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     harness.wait_until_finished();
     harness.kill_coordinator();
     let counts = server.counts();
@@ -81,7 +81,7 @@ fn a_server_that_goes_away_and_bytes_that_are_hurt_on_their_way_change_nothing()
     server.down(false);
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }
@@ -281,7 +281,7 @@ fn a_liar_replaces_no_image_that_somebody_else_vouches_for() {
         "{refused:?}"
     );
     wait_for("the end", || harness.completed().len() == 3);
-    assert_eq!(honest.code(), Some(0));
+    assert_eq!(honest.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     drop(late);
 
@@ -323,7 +323,7 @@ fn rubbish_under_true_names_is_mended_by_whoever_renders_it_again() {
     let workers = ["a", "b"].map(|name| harness.worker(name, &harness.address));
     harness.wait_until_finished();
     for worker in workers {
-        assert_eq!(worker.code(), Some(0));
+        assert_eq!(worker.ended(patience()).code(), Some(0));
     }
     harness.kill_coordinator();
     let said = harness.succeed("dataset verify --store farm");
@@ -349,7 +349,7 @@ fn a_url_is_of_no_use_when_its_time_is_over() {
     assert_eq!(refused.code(), tonic::Code::FailedPrecondition);
     let worker = harness.worker("w", &harness.address);
     harness.wait_until_finished();
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }

@@ -1,6 +1,6 @@
 //! What a bucket costs: `tests/object-storage.sh`.
 
-use crate::harness::{Harness, Process};
+use crate::harness::{Harness, Process, patience};
 use crate::s3::{BUCKET, Server, UPLOAD};
 use bytes::Bytes;
 use coordinator::{Completion, completion_log::CompletionLog};
@@ -54,16 +54,16 @@ fn measure(harness: &Harness, server: &Server, images: u64, arguments: &str) {
     let mut command = harness.command(env!("CARGO_BIN_EXE_brdfarm"), arguments);
     command.envs(harness.environment.clone());
     let mut process = Process::spawn(command.stdout(Stdio::null()));
-    let status = format!("/proc/{}/status", process.id());
-    let mut peak_kib = 0;
+    let mut peak_bytes = 0;
     while !process.has_ended() {
-        let text = fs::read_to_string(&status).unwrap_or_default();
-        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-        let kib = line.and_then(|line| line.trim().strip_suffix(" kB")?.parse().ok());
-        peak_kib = peak_kib.max(kib.unwrap_or(0));
+        peak_bytes = process.memory_bytes("VmHWM").unwrap_or(peak_bytes);
         thread::sleep(Duration::from_millis(5));
     }
-    assert_eq!(process.code(), Some(0), "brdfarm {arguments}");
+    assert_eq!(
+        process.ended(patience()).code(),
+        Some(0),
+        "brdfarm {arguments}"
+    );
     let asked: Vec<String> = server
         .counts()
         .iter()
@@ -72,10 +72,10 @@ fn measure(harness: &Harness, server: &Server, images: u64, arguments: &str) {
     println!(
         "{arguments}\n    {:.1} s, {} MiB, requests an image: {}",
         began.elapsed().as_secs_f64(),
-        peak_kib / 1024,
+        peak_bytes >> 20,
         asked.join(", ")
     );
-    assert!(peak_kib / 1024 <= MEMORY_MIB_MAX, "{arguments}");
+    assert!(peak_bytes >> 20 <= MEMORY_MIB_MAX, "{arguments}");
 }
 
 /// A complete store of small images, its objects put under the server by hand.

@@ -1,6 +1,6 @@
 //! Files that are damaged: images, the completion log, the ledger.
 
-use crate::harness::{Draws, Harness, seed, wait_for};
+use crate::harness::{Draws, Harness, patience, seed, wait_for};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,7 +17,7 @@ fn complete(materials: u32) -> Harness {
     harness.start();
     let worker = harness.worker("sound", &harness.address);
     harness.wait_until_finished();
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness
 }
@@ -164,7 +164,7 @@ fn a_ledger_that_is_gone_cut_or_flipped_is_rebuilt_and_the_run_goes_on() {
     assert!(rebuilt > 2, "no ledger was hurt");
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }

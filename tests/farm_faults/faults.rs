@@ -1,6 +1,6 @@
 //! One fault at a time.
 
-use crate::harness::{Harness, wait_for};
+use crate::harness::{Harness, patience, wait_for};
 use std::fs;
 use std::time::Duration;
 
@@ -21,8 +21,12 @@ fn a_frozen_worker_s_work_goes_to_others_and_what_it_brings_late_changes_nothing
     harness.wait_until_finished();
     assert_eq!(harness.status()["leases_lost"], held);
     frozen.signal("CONT");
-    assert_eq!(frozen.code(), Some(0), "it learns that nothing is left");
-    assert_eq!(sound.code(), Some(0));
+    assert_eq!(
+        frozen.ended(patience()).code(),
+        Some(0),
+        "it learns that nothing is left"
+    );
+    assert_eq!(sound.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }
@@ -40,7 +44,7 @@ fn a_coordinator_that_was_away_costs_nobody_a_lease() {
     harness.start();
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_eq!(worker.code(), Some(0));
+    assert_eq!(worker.ended(patience()).code(), Some(0));
     let said = fs::read_to_string(harness.path().join("patient.worker")).expect("a log");
     assert!(!said.contains("too late"), "{said}");
     let jobs = harness.succeed(&format!(
@@ -81,7 +85,7 @@ fn a_full_disk_stops_the_work_with_a_clear_message_and_space_lets_it_go_on() {
     harness.start_as(command);
     worker.signal("CONT");
     let full = harness.coordinator.take().expect("a coordinator");
-    assert_eq!(full.code(), Some(1));
+    assert_eq!(full.ended(patience()).code(), Some(1));
     let said = harness.log();
     assert!(
         said.contains("the store can no longer be written"),
@@ -108,7 +112,11 @@ fn a_full_disk_stops_the_work_with_a_clear_message_and_space_lets_it_go_on() {
 
     harness.start();
     harness.wait_until_finished();
-    assert_eq!(worker.code(), Some(0), "the worker waited and went on");
+    assert_eq!(
+        worker.ended(patience()).code(),
+        Some(0),
+        "the worker waited and went on"
+    );
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }

@@ -1,11 +1,11 @@
 //! A farm of real processes that can be hurt.
 
+pub use crate::process::Process;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How long anything may take at the very most, unless BRDFARM_PATIENCE_SECONDS says otherwise.
@@ -22,48 +22,6 @@ pub struct Harness {
     pub check_percent: u32,
     /// Further options of the coordinator.
     pub options: String,
-}
-
-/// A process that ends with its test.
-pub struct Process(Child);
-
-impl Process {
-    pub fn spawn(command: &mut Command) -> Self {
-        Self(command.spawn().expect("a process"))
-    }
-
-    pub fn signal(&self, name: &str) {
-        let id = self.0.id().to_string();
-        let sent = Command::new("kill").args(["-s", name, &id]).status();
-        assert!(sent.expect("kill runs").success(), "SIG{name} to {id}");
-    }
-
-    pub fn id(&self) -> u32 {
-        self.0.id()
-    }
-
-    pub fn kill(mut self) {
-        self.0.kill().expect("SIGKILL");
-        self.0.wait().expect("its end");
-    }
-
-    pub fn has_ended(&mut self) -> bool {
-        self.0.try_wait().expect("a status").is_some()
-    }
-
-    /// Waits for its end and returns its exit code.
-    pub fn code(mut self) -> Option<i32> {
-        wait_for("an end", || self.has_ended());
-        self.0.wait().expect("a status").code()
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // An error means that it has ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
 }
 
 pub fn patience() -> Duration {
@@ -155,18 +113,10 @@ impl Harness {
             .open(self.path().join("coordinator.log"))
             .expect("a log");
         command.envs(self.environment.clone());
-        command.stdout(Stdio::piped()).stderr(errors);
-        let mut process = Process::spawn(&mut command);
-        let mut line = String::new();
-        let stdout = process.0.stdout.take().expect("a pipe");
-        BufReader::new(stdout).read_line(&mut line).expect("a line");
-        let place = line.trim().rsplit('/').next().unwrap_or_default();
-        assert!(
-            !place.is_empty(),
-            "the coordinator does not start: {}",
-            self.log()
-        );
-        self.address = place.to_owned();
+        let Some((process, url)) = Process::serving(command.stderr(errors)) else {
+            panic!("the coordinator does not start: {}", self.log());
+        };
+        self.address = url.rsplit('/').next().expect("a part").to_owned();
         self.coordinator = Some(process);
     }
 

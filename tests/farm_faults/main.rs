@@ -19,5 +19,8 @@ mod harness;
 mod liar;
 mod network;
 mod power;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../process/mod.rs"]
+mod process;
 mod proxy;
 mod s3;

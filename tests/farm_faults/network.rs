@@ -1,6 +1,6 @@
 //! Networks that lose, delay, reorder and die without a word.
 
-use crate::harness::{Harness, wait_for};
+use crate::harness::{Harness, patience, wait_for};
 use crate::proxy::Proxy;
 use std::thread;
 use std::time::Duration;
@@ -31,7 +31,7 @@ fn a_network_that_delays_swallows_and_breaks_changes_nothing() {
     proxy.cut(false);
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_eq!(far.code(), Some(0));
+    assert_eq!(far.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }
@@ -60,7 +60,7 @@ fn an_answer_that_is_lost_is_asked_for_again_and_counts_once() {
         proxy.delay(Duration::ZERO);
     }
     harness.wait_until_finished();
-    assert_eq!(far.code(), Some(0));
+    assert_eq!(far.ended(patience()).code(), Some(0));
     let mut heard = harness.acknowledged();
     heard.sort_unstable();
     let all: Vec<u64> = (0..u64::from(MATERIALS)).collect();
@@ -89,7 +89,7 @@ fn words_that_arrive_late_and_out_of_order_change_nothing() {
     }
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
-    assert_eq!(far.code(), Some(0));
+    assert_eq!(far.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }
@@ -106,7 +106,7 @@ fn a_connection_that_dies_without_a_word_is_given_up() {
     wait_for("a completion", || !harness.completed().is_empty());
     proxy.deaden();
     harness.wait_until_finished();
-    assert_eq!(far.code(), Some(0));
+    assert_eq!(far.ended(patience()).code(), Some(0));
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }

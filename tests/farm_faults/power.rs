@@ -115,16 +115,8 @@ fn what_was_acknowledged_survives_power_losses() {
 fn reopened(harness: &Harness) -> BTreeMap<u64, Vec<Value>> {
     let serve = "coordinator serve --spec spec.toml --store after/farm --listen 127.0.0.1:0";
     let mut command = harness.command(env!("CARGO_BIN_EXE_brdfarm"), serve);
-    let mut child = command
-        .stdout(std::process::Stdio::piped())
-        .spawn()
-        .expect("a coordinator");
-    let mut line = String::new();
-    let stdout = child.stdout.take().expect("a pipe");
-    std::io::BufRead::read_line(&mut std::io::BufReader::new(stdout), &mut line).expect("a line");
-    assert!(line.starts_with("listening"), "the store does not open");
-    child.kill().expect("SIGKILL");
-    child.wait().expect("its end");
+    let (coordinator, _) = Process::serving(&mut command).expect("the store opens");
+    coordinator.kill();
     let export =
         "dataset manifest export --store after/farm --format jsonl --partial --out after.jsonl";
     harness.succeed(export);

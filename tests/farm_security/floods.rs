@@ -1,7 +1,7 @@
 //! Too much of everything: messages that are too large, connections that say nothing, uploads that
 //! never end.
 
-use crate::place::{MEMORY_MAX, coordinator, status, succeed};
+use crate::place::{MEMORY_MAX, coordinator, memory_bytes, status, succeed};
 use http_body::{Frame, SizeHint};
 use proto::client::{self, Credentials, with_deadline};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
@@ -52,9 +52,9 @@ async fn messages_that_are_too_large_are_refused_unread() {
         .unwrap_err();
     assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
     assert!(
-        coordinator.memory() < MEMORY_MAX,
+        memory_bytes(&coordinator) < MEMORY_MAX,
         "{}",
-        coordinator.memory()
+        memory_bytes(&coordinator)
     );
     assert_eq!(status(&url, &nobody).await.expect("an answer"), 2);
 }
@@ -90,9 +90,9 @@ async fn ten_thousand_silent_connections_keep_nobody_out() {
     let work = format!("worker connect {url} --backend native");
     assert!(succeed(directory, &work).contains("28 images"));
     assert!(
-        coordinator.memory() < MEMORY_MAX,
+        memory_bytes(&coordinator) < MEMORY_MAX,
         "{}",
-        coordinator.memory()
+        memory_bytes(&coordinator)
     );
 }
 
@@ -178,7 +178,7 @@ async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     let mut memory_max = 0;
     while let Some(code) = uploads.join_next().await {
         codes.push(code.expect("no panic"));
-        memory_max = memory_max.max(coordinator.memory());
+        memory_max = memory_max.max(memory_bytes(&coordinator));
         if codes.len() == 1 {
             // Others are still sending.
             let answer = status(&url, &Credentials::default()).await;

@@ -1,7 +1,7 @@
 //! What workers send that is no image, or no name: bombs, other bytes than were named, paths.
 
 use crate::cheap_image::{Cheap, cheap_image};
-use crate::place::{MEMORY_MAX, SPECIFICATION, coordinator, status, succeed};
+use crate::place::{MEMORY_MAX, SPECIFICATION, coordinator, memory_bytes, status, succeed};
 use dataset::{Digest, RENDERER_VERSION, Specification};
 use proto::client::{self, Credentials, with_deadline};
 use std::fs;
@@ -83,7 +83,7 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     let (coordinator, url) = coordinator(directory, "store", "");
     let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
     let mut farm = client::farm(&url, &Credentials::default()).expect("a client");
-    let before = coordinator.memory();
+    let before = memory_bytes(&coordinator);
     let image = cheap_image(&specification, 0, 0);
     let other = Digest::of(b"other");
     for (name, bytes, digest) in [
@@ -113,7 +113,7 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
             assert_eq!(refused.code(), Code::InvalidArgument, "{name}: {refused}");
         }
     }
-    let grown = coordinator.memory().saturating_sub(before);
+    let grown = memory_bytes(&coordinator).saturating_sub(before);
     assert!(grown < MEMORY_MAX / 4, "{grown} bytes more");
     let staged = fs::read_dir(directory.join("store/staging")).expect("a folder");
     assert_eq!(staged.count(), 0, "something was taken in");

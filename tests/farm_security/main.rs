@@ -12,4 +12,7 @@ mod admission;
 mod floods;
 mod images;
 mod place;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../process/mod.rs"]
+mod process;
 mod windows;

@@ -1,10 +1,10 @@
 //! A coordinator of its own process, and what is asked of it.
 
+use crate::process::Process;
 use proto::client::{self, Credentials, with_deadline};
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
 pub const SPECIFICATION: &str = r#"
 name = "guarded"
@@ -19,31 +19,6 @@ samples_per_pixel = 16
 
 /// What a coordinator may take of memory while strangers stand at its door, bytes.
 pub const MEMORY_MAX: u64 = 400 << 20;
-
-pub struct Process(Child);
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        // An error means that it has ended already.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-impl Process {
-    /// Bytes of memory that it has, as the system counts them.
-    pub fn memory(&self) -> u64 {
-        let status = fs::read_to_string(format!("/proc/{}/status", self.0.id()));
-        let status = status.expect("its status");
-        let line = status.lines().find(|line| line.starts_with("VmRSS:"));
-        let kilobytes = line.expect("a line").split_whitespace().nth(1);
-        kilobytes
-            .expect("a number")
-            .parse::<u64>()
-            .expect("a number")
-            << 10
-    }
-}
 
 pub fn brdfarm(directory: &Path, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
@@ -78,15 +53,13 @@ pub fn coordinator(directory: &Path, store: &str, credentials: &str) -> (Process
     let arguments = format!(
         "coordinator serve --spec spec.toml --store {store} --listen 127.0.0.1:0 {credentials}"
     );
-    let child = brdfarm(directory, &arguments)
-        .stdout(Stdio::piped())
-        .spawn();
-    let mut child = child.expect("a coordinator");
-    let mut line = String::new();
-    let stdout = child.stdout.take().expect("a pipe");
-    BufReader::new(stdout).read_line(&mut line).expect("a line");
-    let url = line.trim().rsplit(' ').next().expect("a URL").to_owned();
-    (Process(child), url)
+    let mut command = brdfarm(directory, &arguments);
+    Process::serving(&mut command).expect("a coordinator")
+}
+
+/// Memory that a process has, bytes.
+pub fn memory_bytes(process: &Process) -> u64 {
+    process.memory_bytes("VmRSS").expect("it runs")
 }
 
 pub fn credentials(directory: &Path, folder: &str) -> Credentials {
