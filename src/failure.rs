@@ -1,5 +1,6 @@
 //! What a failure tells the shell.
 
+use coordinator::migration::MigrationError;
 use coordinator::shared_store::DatabaseError;
 use coordinator::{CoordinatorError, SharedStoreError, StoreError};
 use dataset::{IndexListError, SpecificationError};
@@ -68,6 +69,10 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
         || cause.downcast_ref().is_some_and(is_bad_database)
         || matches!(
             cause.downcast_ref(),
+            Some(MigrationError::Same(_) | MigrationError::SamePlace { .. })
+        )
+        || matches!(
+            cause.downcast_ref(),
             Some(
                 CoordinatorError::Exposed(_)
                     | CoordinatorError::ImageTooLarge { .. }
@@ -95,7 +100,12 @@ fn store_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a StoreError> {
         DiffError::Store(error) => Some(error),
         _ => None,
     };
-    cause.downcast_ref().or_else(of_import).or_else(of_diff)
+    let of_migration = || match cause.downcast_ref()? {
+        MigrationError::Store(error) => Some(error),
+        _ => None,
+    };
+    let store = cause.downcast_ref().or_else(of_import).or_else(of_diff);
+    store.or_else(of_migration)
 }
 
 fn is_bad_name(error: &StoreError) -> bool {
@@ -105,6 +115,7 @@ fn is_bad_name(error: &StoreError) -> bool {
         | StoreError::Specification { .. }
         | StoreError::OtherBlobs { .. }
         | StoreError::BlobsApart(_)
+        | StoreError::Copy(_)
         | StoreError::ForeignBucket(_) => true,
         StoreError::Shared(error) => is_bad_database(error),
         _ => false,
@@ -115,6 +126,7 @@ fn is_bad_database(error: &SharedStoreError) -> bool {
     matches!(
         error,
         SharedStoreError::Absent(_)
+            | SharedStoreError::Copy(_)
             | SharedStoreError::Specification { .. }
             | SharedStoreError::BlobsUnknown(_)
             | SharedStoreError::Blobs { .. }

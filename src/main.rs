@@ -21,6 +21,7 @@ mod run;
 mod shutdown;
 mod specification;
 mod status;
+mod store_migrate;
 mod store_name;
 mod telemetry;
 mod worker_connect;
@@ -72,6 +73,9 @@ enum Command {
     /// Look at a store, check it, mend it, take out what is in it
     #[command(subcommand)]
     Dataset(dataset_command::Command),
+    /// Move a store
+    #[command(subcommand)]
+    Store(store_migrate::Command),
     Render(render::Options),
     Brdf(brdf::Options),
     Report(report::Options),
@@ -92,6 +96,7 @@ fn main() -> ExitCode {
         Command::Drain(options) => farm_mode::drain(&options),
         Command::Credentials(options) => credentials::execute(&options),
         Command::Dataset(command) => dataset_command::execute(&command),
+        Command::Store(command) => store_migrate::execute(&command),
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),
         Command::Report(options) => report::execute(&options),

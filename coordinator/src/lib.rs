@@ -14,6 +14,7 @@
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`verify`] | every image present, intact and what it says it is |
 //! | [`repair`] | what `verify` finds is rendered again |
+//! | [`migration`] | a store copied into another |
 //! | [`garbage`] | files among the images that nothing names |
 //! | [`security`] | who may call, and how much a stranger can cost |
 //! | [`limits`] | every limit, with its unit |
@@ -33,6 +34,7 @@ pub mod garbage;
 pub mod ledger;
 pub mod limits;
 mod metrics;
+pub mod migration;
 mod postgres;
 pub mod queue;
 mod rate;

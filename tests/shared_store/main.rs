@@ -1,10 +1,30 @@
-//! Stores in a PostgreSQL database: what commands do with them, beside coordinators at work.
+//! Stores in a PostgreSQL database: what commands do with them, beside coordinators at work; and
+//! stores copied into others.
 
+#![allow(
+    clippy::print_stdout,
+    reason = "seeds and counts are what these runs are for"
+)]
+
+#[allow(dead_code, reason = "the coordinator's own tests use the rest")]
+#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#[path = "../../coordinator/tests/store/cheap_image.rs"]
+mod cheap_image;
 mod commands;
+#[allow(dead_code, reason = "the coordinator's own tests use the rest")]
+#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#[path = "../../coordinator/tests/store/complete_store.rs"]
+mod complete_store;
+mod contents;
+mod interruption;
+mod migration;
 mod place;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../farm_faults/s3.rs"]
+mod s3;
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 #[path = "../../coordinator/src/postgres/tests/server.rs"]

@@ -14,6 +14,8 @@ pub const PATIENCE: Duration = Duration::from_secs(300);
 pub struct Place {
     folder: tempfile::TempDir,
     runtime: Runtime,
+    /// What commands find in their environment.
+    pub environment: Vec<(&'static str, String)>,
 }
 
 impl Place {
@@ -22,6 +24,7 @@ impl Place {
         let place = Self {
             folder: tempfile::tempdir().expect("a folder"),
             runtime: Runtime::new().expect("a runtime"),
+            environment: Vec::new(),
         };
         let specification = format!(
             "name = \"shared\"\nmaterials = {materials}\n[image]\nwidth = 16\nheight = 16\n\
@@ -57,6 +60,7 @@ impl Place {
     pub fn command(&self, arguments: &str) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
         command.current_dir(self.path());
+        command.envs(self.environment.clone());
         command.args(arguments.split_whitespace());
         command
     }

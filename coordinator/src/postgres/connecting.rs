@@ -59,6 +59,9 @@ pub enum DatabaseError {
          brings them up to date"
     )]
     Older(String),
+    /// A store is being copied from it, or into it.
+    #[error("`brdfarm store migrate` is at work on {0}: wait until it ends")]
+    Moving(String),
     /// It does not do what it is asked.
     #[error("the database {name} cannot be used: {reason}")]
     Away {
@@ -143,6 +146,7 @@ impl Database {
         let name = self.name.clone();
         let reason = match fault {
             Fault::Older => return DatabaseError::Older(name),
+            Fault::Moving => return DatabaseError::Moving(name),
             Fault::Pool(PoolError::Backend(error))
                 if error.code() == Some(&SqlState::INVALID_CATALOG_NAME) =>
             {

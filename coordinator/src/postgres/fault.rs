@@ -14,6 +14,8 @@ pub(super) enum Fault {
     Damaged(String),
     /// The schema lacks steps.
     Older,
+    /// A store is being copied from it, or into it.
+    Moving,
     File(FileError),
     Interrupted,
 }
@@ -69,6 +71,7 @@ impl From<Fault> for BoardError {
             Fault::Pool(error) => Self::Unavailable(error.to_string()),
             Fault::Damaged(what) => Self::Ledger(LedgerError::Damaged(what)),
             Fault::Older => Self::Ledger(LedgerError::Damaged("its schema is older".to_owned())),
+            Fault::Moving => Self::Unavailable("a store is being copied".to_owned()),
             Fault::File(error) => Self::File(error),
             Fault::Interrupted => Self::Interrupted,
         }

@@ -178,6 +178,6 @@ impl Shared {
     }
 }
 
-fn worker(row: &Row) -> Result<(String, WorkerRecord), Fault> {
+pub(super) fn worker(row: &Row) -> Result<(String, WorkerRecord), Fault> {
     Ok((row.get(0), json(row.get(1), "worker")?))
 }

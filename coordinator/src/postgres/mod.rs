@@ -8,7 +8,15 @@
 //! beside each other, under a shared advisory lock, and write nothing but jobs that they locked,
 //! and what belongs to those: leases, completions, images. All else, where many jobs or a worker's
 //! history may change, runs alone, under the same lock taken exclusively. So the outcome is that of
-//! some order of the operations, one after the other, and nobody waits in a circle.
+//! some order of the operations, one after the other, and nobody waits in a circle. Commands that
+//! write do so alone as well, one command at a time.
+//!
+//! | advisory lock, beside the schema's name | whose |
+//! | --- | --- |
+//! | 1651663974 | every transaction's, shared or not |
+//! | 1651663975 | whoever looks for leases that ran out |
+//! | 1651663976 | a command that writes, for as long as it runs |
+//! | 1651663977 | a copy being made from or to here: coordinators do not start |
 //!
 //! | table | what |
 //! | --- | --- |
@@ -23,6 +31,7 @@ mod completing;
 mod connecting;
 mod fault;
 mod listing;
+mod moving;
 mod operating;
 mod part;
 mod schema;
@@ -34,6 +43,7 @@ mod upkeep;
 
 pub use connecting::DatabaseError;
 pub(crate) use connecting::{Database, without_password};
+pub(crate) use moving::Live;
 pub(crate) use schema::Identity;
 #[cfg(test)]
 pub(crate) use tests::server::fresh_schema;

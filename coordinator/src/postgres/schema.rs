@@ -7,7 +7,10 @@ use super::{
 use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
-const MIGRATIONS: [&str; 1] = [include_str!("migrations/0001_board.sql")];
+const MIGRATIONS: [&str; 2] = [
+    include_str!("migrations/0001_board.sql"),
+    include_str!("migrations/0002_migrating.sql"),
+];
 
 /// What a database is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +21,8 @@ pub(crate) struct Identity {
     pub specification: String,
     /// Where the images are.
     pub blobs: String,
+    /// The store that it is being made a copy of, while not all of it is there.
+    pub migrating_from: Option<String>,
 }
 
 impl Database {
@@ -27,6 +32,11 @@ impl Database {
         let opened = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;
+            let statement = include_str!("sql/not_moving.sql");
+            let row = transaction.query_one(statement, &[]).await?;
+            if !row.get::<_, bool>(0) {
+                return Err(Fault::Moving);
+            }
             migrate(&transaction).await?;
             let identity = identity(&transaction).await?;
             transaction.commit().await?;
@@ -41,29 +51,39 @@ impl Database {
         let made = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;
-            // Millions of rows take their time.
-            transaction
-                .batch_execute("SET LOCAL statement_timeout = 0")
-                .await?;
             execute(&transaction, include_str!("sql/lock_alone.sql"), &[]).await?;
-            execute(
-                &transaction,
-                include_str!("sql/make.sql"),
-                &[
-                    &identity.renderer_version,
-                    &identity.specification_hash,
-                    &identity.specification,
-                    &identity.blobs,
-                ],
-            )
-            .await?;
-            let materials = i64::from(materials);
-            execute(&transaction, include_str!("sql/grow.sql"), &[&materials]).await?;
+            make(&transaction, identity, materials).await?;
             transaction.commit().await?;
             Ok(())
         };
         made.await.map_err(|fault| self.away(fault))
     }
+}
+
+pub(super) async fn make(
+    transaction: &Transaction<'_>,
+    identity: &Identity,
+    materials: u32,
+) -> Result<(), Fault> {
+    // Millions of rows take their time.
+    transaction
+        .batch_execute("SET LOCAL statement_timeout = 0")
+        .await?;
+    execute(
+        transaction,
+        include_str!("sql/make.sql"),
+        &[
+            &identity.renderer_version,
+            &identity.specification_hash,
+            &identity.specification,
+            &identity.blobs,
+            &identity.migrating_from,
+        ],
+    )
+    .await?;
+    let materials = i64::from(materials);
+    execute(transaction, include_str!("sql/grow.sql"), &[&materials]).await?;
+    Ok(())
 }
 
 async fn migrate(transaction: &Transaction<'_>) -> Result<(), Fault> {
@@ -135,5 +155,6 @@ pub(super) async fn identity(transaction: &Transaction<'_>) -> Result<Option<Ide
         specification_hash: row.get(1),
         specification: row.get(2),
         blobs: row.get(3),
+        migrating_from: row.get(4),
     }))
 }

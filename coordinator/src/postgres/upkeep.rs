@@ -23,7 +23,7 @@ const LOCK_PAUSE: Duration = Duration::from_millis(50);
 
 /// A session that holds the lock of commands that write.
 pub(crate) struct Upkeep {
-    client: ClientWrapper,
+    pub(super) client: ClientWrapper,
     database: Database,
 }
 
@@ -60,6 +60,10 @@ impl Upkeep {
         begun.await.map_err(|fault: Fault| database.away(fault))
     }
 
+    pub(super) fn away(&self, fault: Fault) -> DatabaseError {
+        self.database.away(fault)
+    }
+
     /// Records completions, all or none; of each says whether it was recorded. Whoever calls has
     /// put their images under their names. A lease of such a job ends.
     pub async fn amend(
@@ -67,7 +71,7 @@ impl Upkeep {
         amendments: &[Amendment<'_>],
     ) -> Result<Vec<bool>, DatabaseError> {
         let amended = amend(&mut self.client, amendments).await;
-        amended.map_err(|fault| self.database.away(fault))
+        amended.map_err(|fault| self.away(fault))
     }
 
     /// Keeps every transaction of every coordinator waiting until [`Upkeep::admit`], and counts the
@@ -79,7 +83,7 @@ impl Upkeep {
             let statement = include_str!("sql/leases_counted.sql");
             number(self.client.query_one(statement, &[]).await?.get(0))
         };
-        excluded.await.map_err(|fault| self.database.away(fault))
+        excluded.await.map_err(|fault| self.away(fault))
     }
 
     /// Lets the others go on.
@@ -88,7 +92,7 @@ impl Upkeep {
         let admitted = self.client.query_one(statement, &[]).await;
         admitted
             .map(|_| ())
-            .map_err(|error| self.database.away(error.into()))
+            .map_err(|error| self.away(error.into()))
     }
 }
 

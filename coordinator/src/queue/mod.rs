@@ -654,7 +654,7 @@ fn leased(state: JobState, holder: Holder) -> JobState {
 }
 
 /// A leased job's state without its lease.
-fn unleased(state: JobState) -> JobState {
+pub(crate) fn unleased(state: JobState) -> JobState {
     match state {
         JobState::Leased(_) => JobState::Pending,
         JobState::Completed {

@@ -8,27 +8,30 @@
 //! Commands read it as it was at one instant, and beside nobody's way; those that write do so one at
 //! a time (`writing.rs`). They are not asynchronous: what is waited for inside, nobody sees.
 
+mod identity;
+mod place;
+mod reading;
+mod staging;
 mod writing;
 
 use crate::{
     blobs::{Blobs, Claimed},
     bucket::BucketUrl,
     file_error::FileError,
-    postgres::{Database, Identity},
+    migration::CopyError,
+    postgres::{Database, Identity, Upkeep},
 };
 use dataset::{Digest, RENDERER_VERSION, Specification};
-use rustix::fs::{FlockOperation, flock};
-use std::{
-    fmt,
-    fs::{self, File},
-    path::{Path, PathBuf},
-    str::FromStr,
-};
+use identity::{check, check_target, known};
+use staging::make_staging;
+use std::{fs::File, path::Path};
 use thiserror::Error;
 use tokio::{runtime, task};
-pub(crate) use writing::SharedWriter;
 
 pub use crate::postgres::DatabaseError;
+pub use place::BlobsPlace;
+pub(crate) use reading::{look, read};
+pub(crate) use writing::SharedWriter;
 
 /// Why a shared store cannot be used.
 #[derive(Debug, Error)]
@@ -41,6 +44,9 @@ pub enum SharedStoreError {
         "there is no store in {0}: `brdfarm coordinator serve`, `run` and `dataset import` make one"
     )]
     Absent(String),
+    /// It is half of a copy, or none can be made there.
+    #[error(transparent)]
+    Copy(#[from] CopyError),
     /// Another command writes to it.
     #[error("another command is writing to {0}: wait until it ends")]
     Locked(String),
@@ -109,36 +115,6 @@ pub enum SharedStoreError {
     File(#[from] FileError),
 }
 
-/// Where the images of a shared store are.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum BlobsPlace {
-    /// A folder that all coordinators reach.
-    Folder(PathBuf),
-    /// A place in a bucket, to which workers send images themselves.
-    Bucket(BucketUrl),
-}
-
-impl FromStr for BlobsPlace {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        if BucketUrl::is_meant(text) {
-            text.parse().map(Self::Bucket)
-        } else {
-            Ok(Self::Folder(text.into()))
-        }
-    }
-}
-
-impl fmt::Display for BlobsPlace {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Folder(folder) => folder.display().fmt(f),
-            Self::Bucket(url) => url.fmt(f),
-        }
-    }
-}
-
 /// A store that any number of coordinators have open.
 pub struct SharedStore {
     pub(crate) database: Database,
@@ -166,14 +142,7 @@ impl SharedStore {
         blobs: Option<&BlobsPlace>,
     ) -> Result<Self, SharedStoreError> {
         let database = Database::new(url)?;
-        let given = match blobs {
-            Some(BlobsPlace::Folder(folder)) => {
-                fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
-                let folder = fs::canonicalize(folder).map_err(FileError::new("find", folder))?;
-                Some(BlobsPlace::Folder(folder))
-            }
-            other => other.cloned(),
-        };
+        let given = blobs.map(BlobsPlace::made).transpose()?;
         // What is read after the writing decides: somebody else may write at the same time.
         let (specification, place) = loop {
             let kept = database.open().await?;
@@ -189,6 +158,7 @@ impl SharedStore {
                 specification_hash: wanted.hash().as_bytes().to_vec(),
                 specification: wanted.to_json(),
                 blobs: place.to_string(),
+                migrating_from: None,
             };
             if kept.as_ref() == Some(&identity) {
                 break (wanted, place);
@@ -210,6 +180,57 @@ impl SharedStore {
         }
         let (specification, place) = known(database.name(), database.open().await?)?;
         Self::in_place(database, specification, place).await
+    }
+
+    /// Makes a database half of a copy of another store, or goes on with one that is. Nobody else
+    /// changes it for as long as the session lives that comes with it.
+    ///
+    /// Has to be called inside a runtime.
+    pub(crate) async fn begin_copy(
+        url: &str,
+        specification: &Specification,
+        blobs: Option<&BlobsPlace>,
+        from: &str,
+    ) -> Result<(Self, Upkeep), SharedStoreError> {
+        let database = Database::new(url)?;
+        let name = database.name().to_owned();
+        let given = blobs.map(BlobsPlace::made).transpose()?;
+        check_target(&name, database.open().await?.as_ref(), specification, from)?;
+        let upkeep = Upkeep::begin(&database).await?;
+        let mut upkeep = upkeep.ok_or_else(|| SharedStoreError::Locked(name.clone()))?;
+        upkeep.hold_still().await?;
+        // Somebody may have had it until now.
+        let kept = database.look().await?;
+        check_target(&name, kept.as_ref(), specification, from)?;
+        let found = kept.map(|kept| kept.blobs.parse::<BlobsPlace>());
+        let found = found
+            .transpose()
+            .map_err(|reason| SharedStoreError::Damaged {
+                name: name.clone(),
+                reason,
+            })?;
+        let place = match (found, given) {
+            (Some(found), Some(given)) if found != given => {
+                return Err(SharedStoreError::Blobs {
+                    name,
+                    found: Box::new(found),
+                    given: Box::new(given),
+                });
+            }
+            (Some(place), _) | (None, Some(place)) => place,
+            (None, None) => return Err(SharedStoreError::BlobsUnknown(name)),
+        };
+        let identity = Identity {
+            renderer_version: RENDERER_VERSION.to_owned(),
+            specification_hash: specification.hash().as_bytes().to_vec(),
+            specification: specification.to_json(),
+            blobs: place.to_string(),
+            migrating_from: Some(from.to_owned()),
+        };
+        // A place of somebody else's is refused before the database says that it is this one's.
+        let store = Self::in_place(database, specification.clone(), place).await?;
+        upkeep.make(&identity, specification.materials).await?;
+        Ok((store, upkeep))
     }
 
     async fn in_place(
@@ -247,86 +268,8 @@ impl SharedStore {
     }
 }
 
-/// What a database is about, if it is one of this program's stores.
-fn known(
-    name: &str,
-    kept: Option<Identity>,
-) -> Result<(Specification, BlobsPlace), SharedStoreError> {
-    let kept = kept.ok_or_else(|| SharedStoreError::Absent(name.to_owned()))?;
-    if kept.renderer_version != RENDERER_VERSION {
-        return Err(SharedStoreError::Renderer {
-            name: name.to_owned(),
-            found: kept.renderer_version,
-        });
-    }
-    let damaged = |reason: String| SharedStoreError::Damaged {
-        name: name.to_owned(),
-        reason,
-    };
-    let specification = Specification::from_json(&kept.specification)
-        .map_err(|error| damaged(error.to_string()))?;
-    let hash = specification.hash();
-    if kept.specification_hash != hash.as_bytes() {
-        return Err(damaged(format!(
-            "its specification has the hash {hash}, and it names another"
-        )));
-    }
-    let place = kept.blobs.parse().map_err(damaged)?;
-    Ok((specification, place))
-}
-
-/// Compares what a database is about with what is wanted of it; the specification that is then to
-/// be there, and the place of the images.
-fn check(
-    name: &str,
-    kept: &Identity,
-    wanted: &Specification,
-    given: Option<BlobsPlace>,
-) -> Result<(Specification, BlobsPlace), SharedStoreError> {
-    let (mut specification, found) = known(name, Some(kept.clone()))?;
-    let hash = specification.hash();
-    if hash != wanted.hash() {
-        return Err(SharedStoreError::Specification {
-            name: name.to_owned(),
-            found: hash,
-            given: wanted.hash(),
-        });
-    }
-    if let Some(given) = given
-        && given != found
-    {
-        return Err(SharedStoreError::Blobs {
-            name: name.to_owned(),
-            found: Box::new(found),
-            given: Box::new(given),
-        });
-    }
-    specification.materials = specification.materials.max(wanted.materials);
-    Ok((specification, found))
-}
-
-/// What a store in a database is about, its images for readers, and every completion that counts,
-/// told as JSON, all as it is at one instant. Waits; cannot be called inside a runtime.
-pub(crate) fn read(
-    url: &str,
-    tell: &mut dyn FnMut(&str) -> Result<(), FileError>,
-) -> Result<(Specification, Blobs), SharedStoreError> {
-    let database = Database::new(url)?;
-    let runtime = waiting_runtime()?;
-    let name = database.name();
-    let mut tell = |line: &str| Ok(tell(line)?);
-    let told = database.completions(|kept| known(name, kept), &mut tell);
-    let (specification, place) = runtime.block_on(told)?;
-    let blobs = match place {
-        BlobsPlace::Folder(folder) => Blobs::new(&folder),
-        // Of this machine's files it needs none.
-        BlobsPlace::Bucket(url) => Blobs::in_bucket(Path::new("."), &url)?,
-    };
-    Ok((specification, blobs))
-}
-
 /// For threads that wait for a database.
-fn waiting_runtime() -> Result<runtime::Runtime, FileError> {
+pub(crate) fn waiting_runtime() -> Result<runtime::Runtime, FileError> {
     let runtime = runtime::Builder::new_current_thread().enable_all().build();
     runtime.map_err(FileError::new("wait for", Path::new("a database")))
 }
@@ -346,39 +289,11 @@ async fn claimed_bucket(url: BucketUrl, owner: String) -> Result<Blobs, SharedSt
         .unwrap_or_else(|error| std::panic::resume_unwind(error.into_panic()))
 }
 
-/// Makes a folder to stage uploads in, locked, and removes those that nobody has locked any more.
-fn make_staging(root: &Path) -> Result<(PathBuf, File), FileError> {
-    let staging = root.join("staging");
-    fs::create_dir_all(&staging).map_err(FileError::new("make", &staging))?;
-    for entry in fs::read_dir(&staging).map_err(FileError::new("list", &staging))? {
-        let path = entry.map_err(FileError::new("list", &staging))?.path();
-        if path.extension().is_none_or(|extension| extension != "lock") {
-            continue;
-        }
-        let Ok(lock) = File::open(&path) else {
-            continue;
-        };
-        if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_ok() {
-            // Somebody else may be clearing it as well.
-            drop(fs::remove_dir_all(path.with_extension("")));
-            drop(fs::remove_file(&path));
-        }
-    }
-    let mut number = [0; 8];
-    getrandom::fill(&mut number)
-        .map_err(|error| FileError::new("name a folder in", &staging)(error.into()))?;
-    let own = staging.join(format!("{:016x}", u64::from_be_bytes(number)));
-    let path = own.with_extension("lock");
-    let lock = File::create_new(&path).map_err(FileError::new("make", &path))?;
-    flock(&lock, FlockOperation::NonBlockingLockExclusive)
-        .map_err(|error| FileError::new("lock", &path)(error.into()))?;
-    Ok((own, lock))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::postgres::fresh_schema;
+    use std::fs;
 
     fn specification(materials: u32) -> Specification {
         let mut specification = Specification::preset();

@@ -1,7 +1,13 @@
 //! What makes a folder a store: which dataset it is of, and where its images are.
 
 use super::StoreError;
-use crate::{blobs::Blobs, bucket::BucketUrl, file_error::FileError, limits};
+use crate::{
+    blobs::{Blobs, Claimed, sync_file_system},
+    bucket::BucketUrl,
+    file_error::FileError,
+    limits,
+    migration::CopyError,
+};
 use dataset::{Digest, RENDERER_VERSION, Specification};
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
@@ -24,6 +30,14 @@ struct Identity {
     bucket: Option<BucketPlace>,
 }
 
+/// What a folder says that is half of a copy.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Copy {
+    from: String,
+    specification_hash: Digest,
+}
+
 /// Where images are that the store does not keep itself.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -33,7 +47,7 @@ pub(super) struct BucketPlace {
     pub owner: String,
 }
 
-pub(super) fn log_path(store: &Path) -> PathBuf {
+pub(crate) fn log_path(store: &Path) -> PathBuf {
     store.join("completions.log")
 }
 
@@ -55,9 +69,10 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
 /// Refuses a folder that holds anything but what a making that was cut short leaves behind. A store
 /// that lost its specification is such a folder: nothing says what its images are.
 pub(super) fn check_vacant(path: &Path) -> Result<(), StoreError> {
-    const LEFT_BEHIND: [&str; 5] = [
+    const LEFT_BEHIND: [&str; 6] = [
         "lock",
         "lost+found",
+        "migration.json.new",
         "specification.json.new",
         "store.json",
         "store.json.new",
@@ -81,6 +96,15 @@ pub(super) fn create(
     specification: &Specification,
     bucket: Option<&BucketUrl>,
 ) -> Result<(), StoreError> {
+    write_identity(path, specification, bucket)?;
+    write_specification(path, specification)
+}
+
+fn write_identity(
+    path: &Path,
+    specification: &Specification,
+    bucket: Option<&BucketUrl>,
+) -> Result<(), StoreError> {
     let place = |url: &BucketUrl| {
         let mut owner = [0; 16];
         getrandom::fill(&mut owner)
@@ -98,8 +122,99 @@ pub(super) fn create(
     };
     let json = serde_json::to_string_pretty(&identity)
         .map_err(|error| damaged(&path.join("store.json"), error))?;
-    write_durably(&path.join("store.json"), json.as_bytes())?;
-    write_specification(path, specification)
+    Ok(write_durably(&path.join("store.json"), json.as_bytes())?)
+}
+
+/// Makes a folder half of a copy of another store, or goes on with one that is; what its images are,
+/// and its lock.
+pub(crate) fn begin_copy(
+    path: &Path,
+    specification: &Specification,
+    bucket: Option<&BucketUrl>,
+    from: &str,
+) -> Result<(Blobs, File), StoreError> {
+    fs::create_dir_all(path).map_err(FileError::new("make", path))?;
+    check_target(path, specification, from)?;
+    let lock = acquire(path)?;
+    // Somebody may have had it until now.
+    let begun = check_target(path, specification, from)?;
+    if !begun {
+        let copy = Copy {
+            from: from.to_owned(),
+            specification_hash: specification.hash(),
+        };
+        let json = serde_json::to_vec_pretty(&copy);
+        let json = json.map_err(|error| damaged(&copy_path(path), error))?;
+        write_durably(&copy_path(path), &json)?;
+        write_identity(path, specification, bucket)?;
+    } else if !path.join("store.json").exists() {
+        write_identity(path, specification, bucket)?;
+    }
+    check_bucket(path, bucket)?;
+    let (blobs, place) = open_blobs(path)?;
+    if let Some(place) = place
+        && blobs.claim(&place.owner)? == Claimed::Others
+    {
+        // As if nothing had been tried: another place may do.
+        for file in [path.join("store.json"), copy_path(path)] {
+            fs::remove_file(&file).map_err(FileError::new("remove", &file))?;
+        }
+        return Err(StoreError::ForeignBucket(place.url));
+    }
+    blobs.prepare()?;
+    Ok((blobs, lock))
+}
+
+/// Makes the copy a store.
+pub(crate) fn end_copy(path: &Path, specification: &Specification) -> Result<(), StoreError> {
+    sync_file_system(path)?;
+    write_specification(path, specification)?;
+    let marker = copy_path(path);
+    let removed = fs::remove_file(&marker).and_then(|()| File::open(path)?.sync_all());
+    Ok(removed.map_err(FileError::new("remove", &marker))?)
+}
+
+/// Whether a folder is half of this copy already; else it is empty.
+fn check_target(
+    path: &Path,
+    specification: &Specification,
+    from: &str,
+) -> Result<bool, StoreError> {
+    let name = path.display().to_string();
+    if let Some(copy) = read_copy(path)? {
+        let given_hash = specification.hash();
+        if copy.from == from && copy.specification_hash == given_hash {
+            return Ok(true);
+        }
+        let found = (&*copy.from, copy.specification_hash);
+        return Err(CopyError::other(name, found, (from, given_hash)).into());
+    }
+    match read_specification(path) {
+        Err(StoreError::Absent(_)) => check_vacant(path).map(|()| false),
+        _ => Err(CopyError::Taken(name).into()),
+    }
+}
+
+fn copy_path(store: &Path) -> PathBuf {
+    store.join("migration.json")
+}
+
+fn read_copy(store: &Path) -> Result<Option<Copy>, StoreError> {
+    let path = copy_path(store);
+    match read_bounded(&path) {
+        Err(StoreError::File(error)) if is_absent(&error.source) => Ok(None),
+        json => {
+            let copy = serde_json::from_str(&json?).map_err(|error| damaged(&path, error));
+            copy.map(Some)
+        }
+    }
+}
+
+fn is_absent(error: &io::Error) -> bool {
+    matches!(
+        error.kind(),
+        io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
+    )
 }
 
 /// Where the images of a store are. Asks no bucket yet.
@@ -152,14 +267,13 @@ fn write_specification(store: &Path, specification: &Specification) -> Result<()
 }
 
 pub(super) fn read_specification(store: &Path) -> Result<Specification, StoreError> {
+    if let Some(copy) = read_copy(store)? {
+        let (name, from) = (store.display().to_string(), copy.from);
+        return Err(CopyError::Half { name, from }.into());
+    }
     let path = store.join("specification.json");
     let json = match read_bounded(&path) {
-        Err(StoreError::File(FileError { source, .. }))
-            if matches!(
-                source.kind(),
-                io::ErrorKind::NotFound | io::ErrorKind::NotADirectory
-            ) =>
-        {
+        Err(StoreError::File(error)) if is_absent(&error.source) => {
             return Err(StoreError::Absent(store.to_owned()));
         }
         json => json?,

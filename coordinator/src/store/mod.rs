@@ -18,6 +18,7 @@
 //! blobs/ab/...exr      images by digest, unless they are in a bucket
 //! staging/             uploads under way
 //! lock                 held by the one process that writes
+//! migration.json       while it is half of a copy: what of
 //! ```
 //!
 //! The specification's hash leaves out its name and its number of materials, which change no
@@ -31,12 +32,15 @@ mod reading;
 mod writable;
 
 pub use folder::Store;
+pub(crate) use identity::{begin_copy, end_copy, log_path};
 pub use name::StoreName;
+pub(crate) use reading::check_read;
 pub use reading::{ImageFault, ReadOnlyStore};
 pub use writable::WritableStore;
 
 use crate::{
-    bucket::BucketUrl, file_error::FileError, ledger::LedgerError, shared_store::SharedStoreError,
+    bucket::BucketUrl, file_error::FileError, ledger::LedgerError, migration::CopyError,
+    shared_store::SharedStoreError,
 };
 use dataset::{Digest, RENDERER_VERSION};
 use std::path::PathBuf;
@@ -127,6 +131,9 @@ pub enum StoreError {
          images of this one"
     )]
     ForeignBucket(BucketUrl),
+    /// It is half of a copy, or none can be made there.
+    #[error(transparent)]
+    Copy(#[from] CopyError),
     /// It is in a database, which cannot be used for it.
     #[error(transparent)]
     Shared(#[from] SharedStoreError),

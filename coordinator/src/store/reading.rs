@@ -187,7 +187,7 @@ impl ReadOnlyStore {
 }
 
 /// What was read as an image, if it is that image.
-fn check_read(
+pub(crate) fn check_read(
     image: &CompletedView,
     read: Result<Vec<u8>, FileError>,
 ) -> Result<Vec<u8>, ImageFault> {

@@ -1,1 +1,1 @@
-SELECT renderer_version, specification_hash, specification, blobs FROM farm
+SELECT renderer_version, specification_hash, specification, blobs, migrating_from FROM farm

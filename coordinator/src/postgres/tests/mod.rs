@@ -33,6 +33,7 @@ async fn make(url: &str, materials: u32) {
         specification_hash: vec![7; 32],
         specification: "{}".to_owned(),
         blobs: "/nowhere".to_owned(),
+        migrating_from: None,
     };
     database.make(&identity, materials).await.unwrap();
     assert_eq!(database.open().await.unwrap(), Some(identity));

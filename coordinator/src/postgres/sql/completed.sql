@@ -1,0 +1,1 @@
+SELECT sum(completed + disputed)::bigint FROM tallies

@@ -1,0 +1,1 @@
+UPDATE farm SET migrating_from = NULL
