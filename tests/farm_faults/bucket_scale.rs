@@ -181,8 +181,7 @@ fn uploads_keep_up_with_a_plain_client() {
         runtime.block_on(async {
             let (_stop, stopping) = watch::channel(false);
             let options = worker::Options::default();
-            let worker = Worker::connect(&url, options, move |_| Ok(Bytes14 { bytes }));
-            worker
+            Worker::connect(&[url], options, move |_| Ok(Bytes14 { bytes }))
                 .await
                 .expect("admitted")
                 .run(stopping)

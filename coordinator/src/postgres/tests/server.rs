@@ -80,6 +80,25 @@ fn command(program: &Path, user: Option<(u32, u32)>) -> Command {
     command
 }
 
+/// To processes of which some may have ended by themselves.
+fn signal(name: &str, pids: &[&str]) {
+    let sent = Command::new("kill")
+        .args(["-s", name])
+        .args(pids)
+        .stderr(Stdio::null())
+        .status();
+    sent.unwrap();
+}
+
+/// Whether a process is there, and more than a number that nobody has asked for yet.
+fn is_alive(pid: &str) -> bool {
+    let Ok(stat) = fs::read_to_string(format!("/proc/{pid}/stat")) else {
+        return false;
+    };
+    let state = stat.rsplit(") ").next().unwrap_or_default();
+    !state.starts_with(['Z', 'X'])
+}
+
 impl Server {
     /// Starts a server; `settings` as on its command line.
     pub fn start(settings: &str) -> Self {
@@ -143,7 +162,8 @@ impl Server {
         }
     }
 
-    fn is_ready(&self) -> bool {
+    /// Whether it takes connections.
+    pub fn is_ready(&self) -> bool {
         let asked = Command::new(programs().join("pg_isready"))
             .args(["-q", "-h"])
             .arg(&self.folder)
@@ -161,16 +181,17 @@ impl Server {
 
     /// Kills all its processes, as the loss of its machine does.
     pub fn kill(&self) {
-        let pid = fs::read_to_string(self.folder.join("data/postmaster.pid")).unwrap();
-        let pid = pid.lines().next().unwrap();
+        let file = fs::read_to_string(self.folder.join("data/postmaster.pid")).unwrap();
+        let pid = file.lines().next().unwrap();
+        // Stopped it starts no more of them; one that was left would keep the next server out.
+        signal("STOP", &[pid]);
         let children = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap();
-        // A backend may have ended by itself.
-        let killed = Command::new("kill")
-            .args(["-9", pid])
-            .args(children.split_whitespace())
-            .stderr(Stdio::null())
-            .status();
-        killed.unwrap();
+        let mut all: Vec<&str> = children.split_whitespace().collect();
+        all.push(pid);
+        signal("KILL", &all);
+        while all.iter().any(|pid| is_alive(pid)) {
+            thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// Starts it again after it was killed.
