@@ -206,6 +206,14 @@ fn uploads_keep_up_with_a_plain_client() {
             total as f64 / 1e6 / uploads.seconds(),
             uploads.seconds() / plain,
         );
+        let images = f64::from(materials * 14);
+        for (kind, count) in &counts {
+            println!(
+                "    {kind}: {:.2} requests an image, some under way for {:.1} s of {farm:.1}",
+                count.requests as f64 / images,
+                count.seconds()
+            );
+        }
         assert!(uploads.seconds() / plain <= RATIO_MAX);
     }
 }
