@@ -78,7 +78,9 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
                 SharedStoreError::Specification { .. }
                     | SharedStoreError::BlobsUnknown(_)
                     | SharedStoreError::Blobs { .. }
-                    | SharedStoreError::Database(DatabaseError::Name(_) | DatabaseError::Tls(_))
+                    | SharedStoreError::Database(
+                        DatabaseError::Name(_) | DatabaseError::Encryption { .. }
+                    )
             )
         )
         || matches!(

@@ -21,6 +21,7 @@
 mod claiming;
 mod completing;
 mod connecting;
+mod encryption;
 mod fault;
 mod listing;
 mod operating;

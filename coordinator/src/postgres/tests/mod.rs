@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout, reason = "measurements are for people")]
 
 mod crash;
+mod encryption;
 mod measure;
 mod model;
 mod plans;
