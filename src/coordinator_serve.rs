@@ -4,11 +4,10 @@ use crate::connection::{read_if_there, text};
 use crate::coordinator_health;
 use crate::failure::BadInput;
 use crate::plural::count;
-use crate::{shutdown, specification};
+use crate::{shutdown, specification, store_name};
 use clap::{Args, Subcommand};
 use coordinator::security::{Security, Tls};
-use coordinator::{AnyStore, BlobsPlace, Coordinator, Policy, SharedStore, Store};
-use dataset::Specification;
+use coordinator::{AnyStore, BlobsPlace, Coordinator, Policy, StoreName};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -34,12 +33,9 @@ pub struct Options {
     /// The folder that images, labels and ledger live in; or, for any number of coordinators, the
     /// PostgreSQL database of labels and ledger. Its password comes from PGPASSWORD or a password
     /// file
-    #[arg(
-        long,
-        default_value = "store",
-        value_name = "DIR|postgres://USER@HOST/DATABASE"
-    )]
-    store: PathBuf,
+    #[arg(long, default_value = "store", value_name = store_name::VALUE,
+          value_parser = store_name::parser())]
+    store: StoreName,
     /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
     /// az://CONTAINER/PREFIX. Workers send them there themselves. Keys and endpoints come from the
     /// environment, as AWS_ACCESS_KEY_ID; the store remembers the place. Where --store is a
@@ -87,41 +83,12 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
     let for_coordinator = options.for_coordinator()?;
     Coordinator::check(&specification, &for_coordinator)?;
     let runtime = Runtime::new()?;
-    let (store, name) = options.open_store(&specification, &runtime)?;
-    runtime.block_on(serve(options, for_coordinator, store, &name))
+    let blobs = options.blobs.as_ref();
+    let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
+    runtime.block_on(serve(options, for_coordinator, store))
 }
 
 impl Options {
-    /// The store, and its name, which never has a password in it. Has to be called outside of
-    /// `runtime`: a store in a folder may have its images in a bucket, and waits for that.
-    fn open_store(
-        &self,
-        specification: &Specification,
-        runtime: &Runtime,
-    ) -> anyhow::Result<(AnyStore, String)> {
-        let url = self
-            .store
-            .to_str()
-            .filter(|name| SharedStore::is_named_by(name));
-        if let Some(url) = url {
-            let blobs = self.blobs.as_ref();
-            let opening = SharedStore::open_or_create(url, specification, blobs);
-            let store = runtime.block_on(opening)?;
-            let name = store.name().to_owned();
-            return Ok((store.into(), name));
-        }
-        let bucket = match &self.blobs {
-            None => None,
-            Some(BlobsPlace::Bucket(url)) => Some(url),
-            Some(BlobsPlace::Folder(_)) => {
-                let reason = "--blobs: a store in a folder has its images there, or in a bucket";
-                return Err(BadInput(reason.to_owned()).into());
-            }
-        };
-        let store = Store::open_or_create_in(&self.store, specification, bucket)?;
-        Ok((store.into(), self.store.display().to_string()))
-    }
-
     fn for_coordinator(&self) -> anyhow::Result<coordinator::Options> {
         Ok(coordinator::Options {
             listen: self.listen,
@@ -177,7 +144,6 @@ async fn serve(
     options: &Options,
     for_coordinator: coordinator::Options,
     store: AnyStore,
-    name: &str,
 ) -> anyhow::Result<()> {
     raise_open_files();
     let mut asked = shutdown::flag()?;
@@ -203,10 +169,11 @@ async fn serve(
     coordinator.shutdown().await;
     let told = writeln!(
         io::stdout(),
-        "{} of {} complete, {} in {name}",
+        "{} of {} complete, {} in {}",
         progress.counts.completed,
         count(progress.counts.materials, "material"),
         count(progress.images, "image"),
+        options.store,
     );
     // A failure counts even where nobody reads the summary any more.
     outcome?;

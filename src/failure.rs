@@ -4,6 +4,8 @@ use coordinator::shared_store::DatabaseError;
 use coordinator::{CoordinatorError, SharedStoreError, StoreError};
 use dataset::{IndexListError, SpecificationError};
 use export::ExportError;
+use export::diff::DiffError;
+use export::import::ImportError;
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;
@@ -62,27 +64,8 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
     cause.is::<BadInput>()
         || cause.is::<SpecificationError>()
         || cause.is::<IndexListError>()
-        || matches!(
-            cause.downcast_ref(),
-            Some(
-                StoreError::Absent(_)
-                    | StoreError::Occupied { .. }
-                    | StoreError::Specification { .. }
-                    | StoreError::OtherBlobs { .. }
-                    | StoreError::ForeignBucket(_)
-            )
-        )
-        || matches!(
-            cause.downcast_ref(),
-            Some(
-                SharedStoreError::Specification { .. }
-                    | SharedStoreError::BlobsUnknown(_)
-                    | SharedStoreError::Blobs { .. }
-                    | SharedStoreError::Database(
-                        DatabaseError::Name(_) | DatabaseError::Encryption { .. }
-                    )
-            )
-        )
+        || store_error(cause).is_some_and(is_bad_name)
+        || cause.downcast_ref().is_some_and(is_bad_database)
         || matches!(
             cause.downcast_ref(),
             Some(
@@ -100,4 +83,45 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
                     | ExportError::Rectify(_)
             )
         )
+}
+
+/// What is wrong with a store. Errors that speak for it are transparent: it is none of their causes.
+fn store_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a StoreError> {
+    let of_import = || match cause.downcast_ref()? {
+        ImportError::Store(error) => Some(error),
+        _ => None,
+    };
+    let of_diff = || match cause.downcast_ref()? {
+        DiffError::Store(error) => Some(error),
+        _ => None,
+    };
+    cause.downcast_ref().or_else(of_import).or_else(of_diff)
+}
+
+fn is_bad_name(error: &StoreError) -> bool {
+    match error {
+        StoreError::Absent(_)
+        | StoreError::Occupied { .. }
+        | StoreError::Specification { .. }
+        | StoreError::OtherBlobs { .. }
+        | StoreError::BlobsApart(_)
+        | StoreError::ForeignBucket(_) => true,
+        StoreError::Shared(error) => is_bad_database(error),
+        _ => false,
+    }
+}
+
+fn is_bad_database(error: &SharedStoreError) -> bool {
+    matches!(
+        error,
+        SharedStoreError::Absent(_)
+            | SharedStoreError::Specification { .. }
+            | SharedStoreError::BlobsUnknown(_)
+            | SharedStoreError::Blobs { .. }
+            | SharedStoreError::Database(
+                DatabaseError::Name(_)
+                    | DatabaseError::Missing(_)
+                    | DatabaseError::Encryption { .. }
+            )
+    )
 }

@@ -21,6 +21,7 @@ mod run;
 mod shutdown;
 mod specification;
 mod status;
+mod store_name;
 mod telemetry;
 mod worker_connect;
 mod workers;

@@ -3,15 +3,16 @@
 use crate::dataset_command::{show, verify};
 use crate::plural::count;
 use crate::progress::FarmBar;
-use crate::{cores, shutdown, specification};
+use crate::{cores, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{
-    BucketUrl, Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator, Store,
+    AnyStore, BlobsPlace, Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator,
+    StoreName,
 };
 use export::manifest::{Format, export};
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -30,14 +31,16 @@ const SHEET_MATERIALS_MAX: u32 = 12;
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
-    /// The folder that images, labels and ledger live in
-    #[arg(long, default_value = "store", value_name = "DIR")]
-    store: PathBuf,
+    /// The folder that images, labels and ledger live in; or the PostgreSQL database of labels and
+    /// ledger, beside others that work on it. Its password comes from PGPASSWORD or a password file
+    #[arg(long, default_value = "store", value_name = store_name::VALUE,
+          value_parser = store_name::parser())]
+    store: StoreName,
     /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
     /// az://CONTAINER/PREFIX. Keys and endpoints come from the environment, as AWS_ACCESS_KEY_ID;
-    /// the store remembers the place
-    #[arg(long, value_name = "URL")]
-    blobs: Option<BucketUrl>,
+    /// the store remembers the place. Where --store is a database, also a folder
+    #[arg(long, value_name = "URL|DIR")]
+    blobs: Option<BlobsPlace>,
     /// Workers, each rendering one material at a time; 0 takes one a core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
@@ -62,10 +65,11 @@ struct Rendered {
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
     Coordinator::check(&specification, &coordinator_options())?;
-    let store = Store::open_or_create_in(&options.store, &specification, options.blobs.as_ref())?;
-    let workers = cores::count(options.workers);
     // Lives to the end: it is what listens for somebody asking the process to stop.
     let runtime = tokio::runtime::Runtime::new()?;
+    let blobs = options.blobs.as_ref();
+    let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
+    let workers = cores::count(options.workers);
     let rendered = runtime.block_on(render(options, store, workers))?;
 
     let progress = rendered.progress;
@@ -78,10 +82,13 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     );
     anyhow::ensure!(
         progress.counts.set_aside == 0,
-        "{} of {} materials failed too often and were set aside (--log warn tells why): the same \
-         command tries them again",
+        "{} of {} materials failed too often and were set aside (--log warn tells why): {}",
         progress.counts.set_aside,
-        progress.counts.materials
+        progress.counts.materials,
+        match &options.store {
+            StoreName::Folder(_) => "the same command tries them again",
+            StoreName::Database(_) => "start a coordinator, then `brdfarm jobs retry`",
+        }
     );
     let mut out = io::stdout();
     if images == 0 {
@@ -106,12 +113,13 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     if images > 0 {
         verify::check(&store, specification.materials, cores::count(0))?;
     }
-    sum_up(&store, &options.store, &mut out)
+    sum_up(&store, &mut out)
 }
 
 /// Writes the manifest and the contact sheet where they are missing or no longer tell the truth,
-/// and says where everything is.
-fn sum_up(store: &ReadOnlyStore, path: &Path, out: &mut impl Write) -> anyhow::Result<()> {
+/// and says where everything is: in the store's folder, or in this one.
+fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
+    let path = store.name().folder().unwrap_or(Path::new(""));
     let manifest = path.join("manifest.parquet");
     // A store that was asked for more before holds more than this run wanted.
     let exported = export(store, Format::Parquet, true, &manifest)?;
@@ -120,7 +128,7 @@ fn sum_up(store: &ReadOnlyStore, path: &Path, out: &mut impl Write) -> anyhow::R
     let materials: Vec<u32> = (0..materials).collect();
     let views: Vec<u32> = (0..store.specification().views.len() as u32).collect();
     show::write_sheet(store, &materials, &views, 0.0, &sheet)?;
-    writeln!(out, "store          {}", path.display())?;
+    writeln!(out, "store          {}", store.name())?;
     writeln!(
         out,
         "manifest       {} ({} rows)",
@@ -147,9 +155,8 @@ fn coordinator_options() -> coordinator::Options {
     }
 }
 
-async fn render(options: &Options, store: Store, workers: usize) -> anyhow::Result<Rendered> {
+async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::Result<Rendered> {
     let mut asked = shutdown::flag()?;
-    let materials = store.materials_asked();
     let views = store.specification().views.len() as u64;
     let coordinator = Coordinator::start(store, coordinator_options()).await?;
     let before = *coordinator.progress().borrow();
@@ -163,13 +170,18 @@ async fn render(options: &Options, store: Store, workers: usize) -> anyhow::Resu
             stopped: false,
         });
     }
-    let bar = FarmBar::new(u64::from(materials) * views, before.images);
+    let bar = FarmBar::new(u64::from(before.counts.materials) * views, before.images);
     let (stop, stopping) = watch::channel(false);
+    let name = match &options.store {
+        StoreName::Folder(_) => "local".to_owned(),
+        // Others work on it as well, and are told apart by their names.
+        StoreName::Database(_) => worker::Options::default().name,
+    };
     let mut working = JoinSet::new();
     for index in 0..workers {
         let url = coordinator.url();
         let worker_options = worker::Options {
-            name: format!("local-{index}"),
+            name: format!("{name}-{index}"),
             threads: (cores::count(0) / workers).max(1),
             ..worker::Options::default()
         };

@@ -3,8 +3,8 @@
 //!
 //! A line is the first 16 hexadecimal digits of the BLAKE3 hash of a JSON text, a space, the JSON
 //! text of a [`Completion`] or of a [`Retraction`], and a newline. Lines are only ever appended;
-//! where a material occurs twice the later line counts. A crash can tear the last line, which is then cut off; a line that
-//! is damaged elsewhere is passed over and reported.
+//! where a material occurs twice the later line counts. A crash can tear the last line, which is then
+//! cut off; a line that is damaged elsewhere is passed over and reported.
 
 use crate::{completion::Completion, file_error::FileError, limits};
 use dataset::Digest;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     fs::{File, OpenOptions},
-    io::{self, BufRead, BufReader, Read, Write},
+    io::{self, BufRead, BufReader, BufWriter, Read, Seek, Write},
     os::unix::fs::FileExt,
     path::{Path, PathBuf},
 };
@@ -69,6 +69,10 @@ impl Completions {
     /// Reads a log and checks every line. Holds 24 bytes a line in memory, whatever lines hold.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let file = File::open(path).map_err(FileError::new("open", path))?;
+        Self::read(file, path)
+    }
+
+    fn read(file: File, path: &Path) -> Result<Self, FileError> {
         let mut reader = BufReader::with_capacity(
             1 << 16,
             file.try_clone().map_err(FileError::new("open", path))?,
@@ -209,6 +213,41 @@ impl CompletionLog {
             .write_all(&lines)
             .and_then(|()| self.file.sync_data())
             .map_err(FileError::new("append to", &self.path))
+    }
+}
+
+/// What another place has recorded as complete, copied into the form of a log, in a file without a
+/// name that ends with its readers.
+#[derive(Debug)]
+pub(crate) struct Transcript {
+    lines: BufWriter<File>,
+    // For people.
+    of: PathBuf,
+}
+
+impl Transcript {
+    pub fn begin(of: &Path) -> Result<Self, FileError> {
+        let file = tempfile::tempfile().map_err(FileError::new("make a copy of", of))?;
+        let of = of.to_owned();
+        let lines = BufWriter::new(file);
+        Ok(Self { lines, of })
+    }
+
+    /// Adds a completion, as JSON. What is none becomes a damaged line.
+    pub fn add(&mut self, json: &str) -> Result<(), FileError> {
+        let written = writeln!(self.lines, "{} {json}", checksum(json.as_bytes()));
+        written.map_err(FileError::new("make a copy of", &self.of))
+    }
+
+    /// What was added.
+    pub fn read(self) -> Result<Completions, FileError> {
+        let Self { lines, of } = self;
+        let file = lines.into_inner().map_err(io::IntoInnerError::into_error);
+        let file = file.and_then(|mut file| {
+            file.rewind()?;
+            Ok(file)
+        });
+        Completions::read(file.map_err(FileError::new("make a copy of", &of))?, &of)
     }
 }
 

@@ -8,9 +8,9 @@
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
 //! | [`blobs`] | images by digest, in files or in a bucket |
 //! | [`bucket`] | objects of S3, Google Cloud Storage or Azure |
-//! | [`store`] | one folder with all three, for one writer and any number of readers |
+//! | [`store`] | one folder with all three, for one writer and any number of readers; or a database |
 //! | `postgres` | the board on PostgreSQL, for any number of coordinators |
-//! | [`shared_store`] | a database, and a folder of images, that they share |
+//! | [`shared_store`] | a database, and a place for images, that they share |
 //! | [`acceptance`] | what counts as an image of the dataset |
 //! | [`verify`] | every image present, intact and what it says it is |
 //! | [`repair`] | what `verify` finds is rendered again |
@@ -57,4 +57,4 @@ pub use queue::Policy;
 pub use recovery::Recovery;
 pub use running::{AnyStore, Coordinator, CoordinatorError, Options, RunningCoordinator, Services};
 pub use shared_store::{BlobsPlace, SharedStore, SharedStoreError};
-pub use store::{ImageFault, ReadOnlyStore, Store, StoreError};
+pub use store::{ImageFault, ReadOnlyStore, Store, StoreError, StoreName, WritableStore};

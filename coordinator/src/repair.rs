@@ -2,12 +2,12 @@
 //!
 //! An image that is missing or damaged must come out with the digest that is recorded. Where the
 //! record itself is at fault it is corrected: when the file that it names is intact and no image of
-//! the dataset, or when log and ledger disagree and the renderer settles it. Nothing else is
-//! changed; what cannot be mended is reported.
+//! the dataset, or, of a store in a folder, when log and ledger disagree and the renderer settles
+//! it. Nothing else is changed; what cannot be mended is reported.
 
 use crate::{
     completion::Completion,
-    store::{ReadOnlyStore, Store, StoreError},
+    store::{StoreError, WritableStore},
     verify::{Checks, Fault, FaultKind, Rerender, Rerendered, verify},
 };
 use dataset::{CompletedView, Digest};
@@ -42,13 +42,13 @@ pub struct Repair {
 /// # Errors
 /// When the store cannot be written. What was mended before stays so.
 pub fn repair(
-    store: &mut Store,
+    store: &mut WritableStore,
     checks: &Checks<'_>,
     renderer: &dyn Rerender,
     progress: &(dyn Fn(u64) + Sync),
     mending: &dyn Fn(usize, usize),
 ) -> Result<Vec<Repair>, StoreError> {
-    let reader = ReadOnlyStore::open(store.path())?;
+    let reader = store.read()?;
     let report = verify(&reader, checks, progress)?;
     let faults = report.faults.len();
     let mut by_material: BTreeMap<u32, Vec<Fault>> = BTreeMap::new();
@@ -74,15 +74,20 @@ pub fn repair(
 }
 
 fn mend_material(
-    store: &mut Store,
+    store: &mut WritableStore,
     renderer: &dyn Rerender,
-    mut completion: Completion,
+    before: Completion,
     faults: Vec<Fault>,
     repairs: &mut Vec<Repair>,
 ) -> Result<(), StoreError> {
-    let in_ledger = store.completion_in_ledger(completion.material)?;
+    // A second record, which a store in a database does not have.
+    let in_ledger = match store {
+        WritableStore::Folder(store) => store.completion_in_ledger(before.material)?,
+        WritableStore::Database(_) => None,
+    };
+    let mut completion = before.clone();
     let mut images: Vec<(Digest, Vec<u8>)> = Vec::new();
-    let mut corrected = false;
+    let mut mended = Vec::new();
     for fault in faults {
         let outcome = match fault.view {
             Some(view) => {
@@ -95,11 +100,18 @@ fn mend_material(
             }
             None => Outcome::Failed("its record fits another specification".to_owned()),
         };
-        corrected |= outcome == Outcome::Corrected;
-        repairs.push(Repair { fault, outcome });
+        mended.push(Repair { fault, outcome });
     }
-    let completions: &[Completion] = if corrected { &[completion] } else { &[] };
-    store.put(completions, &images)
+    if !store.mend(&before, &completion, &images)? {
+        for repair in &mut mended {
+            if repair.outcome == Outcome::Corrected {
+                let why = "it was completed anew meanwhile: verify again";
+                repair.outcome = Outcome::Failed(why.to_owned());
+            }
+        }
+    }
+    repairs.extend(mended);
+    Ok(())
 }
 
 /// Compares an image that was rendered again with its record, and decides.

@@ -143,8 +143,8 @@ pub struct Report {
     pub images_rerendered: u64,
     /// All faults, by material and view.
     pub faults: Vec<Fault>,
-    /// Damaged lines of the completion log.
-    pub log_lines_damaged: u64,
+    /// Damaged lines of the completion log, or rows of the database.
+    pub records_damaged: u64,
     /// Files among the images that no completed material names, the first of them. A coordinator at
     /// work may be about to name them; they are no fault.
     pub unnamed: Vec<PathBuf>,
@@ -186,7 +186,7 @@ pub fn verify(
     let unnamed = garbage::unnamed(store)?;
     let report = Mutex::new(Report {
         materials: checks.materials,
-        log_lines_damaged: store.log_lines_damaged(),
+        records_damaged: store.records_damaged(),
         unnamed_count: unnamed.len() as u64,
         unnamed: unnamed
             .into_iter()

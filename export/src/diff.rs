@@ -1,7 +1,7 @@
 //! Two stores or manifests, image by image: labels, digests, pixels.
 
 use crate::manifest::read::{ReadError, read};
-use coordinator::{FileError, ReadOnlyStore, StoreError, acceptance::decode};
+use coordinator::{FileError, ReadOnlyStore, StoreError, StoreName, acceptance::decode};
 use dataset::{CompletedView, manifest::Row};
 use serde::Serialize;
 use std::{
@@ -83,7 +83,8 @@ impl Difference {
     }
 }
 
-/// Compares two sets; each is a store's folder or a manifest. Memory does not grow with them.
+/// Compares two sets; each is a store, by its folder or its database's
+/// URL, or a manifest. Memory does not grow with them.
 ///
 /// # Errors
 /// When either cannot be read, or a manifest is not in order.
@@ -206,10 +207,9 @@ enum Source {
 
 impl Source {
     fn open(path: &Path) -> Result<Self, DiffError> {
-        if path.is_dir() {
-            Ok(Self::Store(Box::new(ReadOnlyStore::open(path)?)))
-        } else {
-            Ok(Self::Manifest(path.to_owned()))
+        match StoreName::from(path) {
+            StoreName::Folder(path) if !path.is_dir() => Ok(Self::Manifest(path)),
+            name => Ok(Self::Store(Box::new(ReadOnlyStore::open(name)?))),
         }
     }
 

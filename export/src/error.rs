@@ -1,7 +1,7 @@
 //! Why nothing was exported.
 
 use crate::{manifest::ManifestError, rectify::RectifyError};
-use coordinator::FileError;
+use coordinator::{FileError, StoreName};
 use std::path::PathBuf;
 use thiserror::Error;
 
@@ -10,13 +10,12 @@ use thiserror::Error;
 pub enum ExportError {
     /// The dataset is not complete.
     #[error(
-        "{missing} of the {materials} materials wanted of {} are not complete: finish them with \
-         `brdfarm run`, or pass --partial to export the others",
-        store.display()
+        "{missing} of the {materials} materials wanted of {store} are not complete: finish them \
+         with `brdfarm run`, or pass --partial to export the others"
     )]
     Incomplete {
         /// The store.
-        store: PathBuf,
+        store: StoreName,
         /// Materials that are not complete.
         missing: u32,
         /// Materials that are wanted.

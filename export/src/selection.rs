@@ -68,7 +68,7 @@ impl Selection {
         let materials_missing = (wanted.len() - materials.len()) as u32;
         if materials_missing > 0 && !self.partial {
             return Err(ExportError::Incomplete {
-                store: store.path().to_owned(),
+                store: store.name().clone(),
                 missing: materials_missing,
                 materials: wanted.len() as u32,
             });
@@ -94,10 +94,10 @@ impl Chosen {
         material: u32,
     ) -> Result<Vec<(u32, CompletedView)>, ExportError> {
         let completion = store.completion(material)?;
-        // The line was whole when the store was opened.
+        // It was whole when the store was opened.
         let completion = completion.ok_or_else(|| ExportError::Image {
-            path: store.path().join("completions.log"),
-            reason: format!("the line of material {material} was damaged meanwhile"),
+            path: store.records_place(),
+            reason: format!("the record of material {material} was damaged meanwhile"),
         })?;
         if completion.views.len() != store.specification().views.len() {
             return Err(ExportError::Views(material));

@@ -3,6 +3,7 @@
 use crate::output;
 use crate::plural::count;
 use clap::Args;
+use coordinator::StoreName;
 use export::diff::diff;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -14,7 +15,7 @@ use std::path::PathBuf;
 /// pixels and channels, in units of white.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// A store's folder, or a manifest (.parquet, .csv, .jsonl)
+    /// A store, by its folder or its database's URL, or a manifest (.parquet, .csv, .jsonl)
     a: PathBuf,
     /// Another
     b: PathBuf,
@@ -35,7 +36,8 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     writeln!(out, "{} in both", count(found.in_both, "image"))?;
     for (images, side) in [(found.only_in_a, &options.a), (found.only_in_b, &options.b)] {
         if images > 0 {
-            writeln!(out, "{} only in {}", count(images, "image"), side.display())?;
+            let side = StoreName::new(side);
+            writeln!(out, "{} only in {side}", count(images, "image"))?;
         }
     }
     for (column, rows) in &found.columns {

@@ -3,29 +3,30 @@
 use super::StoreOptions;
 use crate::plural::count;
 use clap::Args;
-use coordinator::garbage::{remove_unnamed, unnamed};
-use coordinator::{ReadOnlyStore, Store};
+use coordinator::garbage::{Unnamed, remove_unnamed, unnamed};
+use coordinator::{ReadOnlyStore, WritableStore};
 use std::io::{self, Write};
 
 /// List the images that no completed material names, or remove them
 ///
 /// Completions that were cut short or replaced leave such files behind. Without --delete nothing is
-/// changed. Files of other names than images have are listed and never removed.
+/// changed. Files of other names than images have are listed and never removed. In a database
+/// nothing is removed while a worker has a lease, whose images may be about to be named.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Remove them; no coordinator may be using the store
+    /// Remove them; no coordinator may be using a store in a folder
     #[arg(long)]
     delete: bool,
 }
 
 /// Lists or removes them.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
-    let path = &options.store.store;
+    let name = &options.store.store;
     let mut out = io::stdout();
     if options.delete {
-        let removed = remove_unnamed(&Store::open(path)?)?;
+        let removed = remove_unnamed(&mut WritableStore::open(name)?)?;
         let bytes: u64 = removed.iter().map(|file| file.bytes).sum();
         for file in &removed {
             writeln!(out, "{}", file.path.display())?;
@@ -38,9 +39,9 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         )?;
         return Ok(());
     }
-    let (images, others): (Vec<_>, Vec<_>) = unnamed(&ReadOnlyStore::open(path)?)?
+    let (images, others): (Vec<_>, Vec<_>) = unnamed(&ReadOnlyStore::open(name)?)?
         .into_iter()
-        .partition(|file| file.is_image);
+        .partition(Unnamed::is_image);
     for file in &images {
         writeln!(out, "{}", file.path.display())?;
     }

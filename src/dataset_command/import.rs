@@ -5,7 +5,7 @@ use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{cores, progress};
 use clap::Args;
-use coordinator::BucketUrl;
+use coordinator::BlobsPlace;
 use dataset::Specification;
 use export::import::{Source, import};
 use export::layout::Place;
@@ -26,9 +26,10 @@ pub struct Options {
     folder: PathBuf,
     #[command(flatten)]
     store: StoreOptions,
-    /// Where images of a new store live instead of in its folder, as s3://BUCKET/PREFIX
-    #[arg(long, value_name = "URL")]
-    blobs: Option<BucketUrl>,
+    /// Where images of a new store live instead of in its folder, as s3://BUCKET/PREFIX; where
+    /// --store is a database, also a folder
+    #[arg(long, value_name = "URL|DIR")]
+    blobs: Option<BlobsPlace>,
     /// The manifest [default: manifest.parquet in DIR]
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
@@ -81,7 +82,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     write!(
         out,
         "{}: {} of {} imported",
-        options.store.store.display(),
+        options.store.store,
         count(imported.images, "image"),
         count(imported.materials, "material")
     )?;

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use coordinator::ReadOnlyStore;
 use export::manifest::{self, export};
 use std::io::{self, Write};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What can be done with a manifest.
 #[derive(Debug, Subcommand)]
@@ -25,7 +25,8 @@ pub struct Options {
     /// How the manifest is written
     #[arg(long, value_enum)]
     format: Format,
-    /// Where to write [default: manifest.jsonl, .csv or .parquet in the store]
+    /// Where to write [default: manifest.jsonl, .csv or .parquet in the store's folder; in this one
+    /// where it is a database]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Write the manifest although materials are missing
@@ -53,7 +54,10 @@ pub fn execute(Command::Export(options): &Command) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(&options.store.store)?;
     let path = match &options.out {
         Some(path) => path.clone(),
-        None => store.path().join(format!("manifest.{}", format.ending())),
+        None => {
+            let folder = store.name().folder().unwrap_or(Path::new(""));
+            folder.join(format!("manifest.{}", format.ending()))
+        }
     };
     let exported = export(&store, format, options.partial, &path)?;
     let mut out = io::stdout();

@@ -12,8 +12,9 @@ mod specification;
 mod stats;
 pub mod verify;
 
+use crate::store_name;
 use clap::{Args, Subcommand};
-use std::path::PathBuf;
+use coordinator::StoreName;
 
 /// What can be done with a dataset.
 #[derive(Debug, Subcommand)]
@@ -35,9 +36,11 @@ pub enum Command {
 /// The store that a command works on.
 #[derive(Debug, Args)]
 pub struct StoreOptions {
-    /// The folder of the store
-    #[arg(long, default_value = "store", value_name = "DIR")]
-    store: PathBuf,
+    /// The store: its folder, or the PostgreSQL database that labels and ledger are in, whose
+    /// password comes from PGPASSWORD or a password file
+    #[arg(long, default_value = "store", value_name = store_name::VALUE,
+          value_parser = store_name::parser())]
+    store: StoreName,
 }
 
 /// Does it.

@@ -4,8 +4,8 @@ use super::{StoreOptions, verify::CheckOptions};
 use crate::plural::count;
 use crate::{output, progress};
 use clap::Args;
+use coordinator::WritableStore;
 use coordinator::repair::{Outcome, repair};
-use coordinator::{ReadOnlyStore, Store};
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -13,7 +13,8 @@ use std::path::PathBuf;
 ///
 /// A missing or damaged image must come out with the digest that is recorded. A record is corrected
 /// where the file that it names is intact and no image of the dataset, or where log and ledger
-/// disagree. What cannot be mended is listed, and is an error.
+/// disagree. What cannot be mended is listed, and is an error. A store in a folder must have no
+/// coordinator meanwhile; beside those of a database it can be done.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
@@ -27,8 +28,8 @@ pub struct Options {
 
 /// Mends a store.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
-    let mut store = Store::open(&options.store.store)?;
-    let reader = ReadOnlyStore::open(&options.store.store)?;
+    let mut store = WritableStore::open(&options.store.store)?;
+    let reader = store.read()?;
     let renderer = options.checks.renderer(&reader)?;
     let checks = options.checks.checks(&reader, &renderer);
     let images = u64::from(checks.materials) * reader.specification().views.len() as u64;

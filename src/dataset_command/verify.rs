@@ -172,9 +172,13 @@ pub fn list(faults: &[Fault], out: &mut impl Write) -> io::Result<()> {
 /// Says what was found; faults are an error.
 fn tell(store: &ReadOnlyStore, report: &Report, out: &mut impl Write) -> anyhow::Result<()> {
     list(&report.faults, out)?;
-    if report.log_lines_damaged > 0 {
-        let lines = count(report.log_lines_damaged, "line");
-        writeln!(out, "completions.log: {lines} damaged")?;
+    if report.records_damaged > 0 {
+        let records = count(report.records_damaged, "record");
+        writeln!(
+            out,
+            "{}: {records} damaged",
+            store.records_place().display()
+        )?;
     }
     for path in report.unnamed.iter().take(FAULTS_SHOWN_MAX) {
         writeln!(out, "{}: no material names it", path.display())?;

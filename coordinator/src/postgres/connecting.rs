@@ -14,6 +14,7 @@ use thiserror::Error;
 use tokio_postgres::{
     Config, Row,
     config::{Host, SslMode},
+    error::SqlState,
     types::ToSql,
 };
 
@@ -46,7 +47,27 @@ pub enum DatabaseError {
         /// What is wrong.
         reason: String,
     },
-    /// It is not there, or does not let us in.
+    /// The server has no such database.
+    #[error("there is no database {0}: make it with `createdb`, or name another")]
+    Missing(String),
+    /// Nobody answers, or we are not let in.
+    #[error(
+        "the database {name} cannot be reached: {reason}; see that it runs, and that host, port, \
+         user and password are right"
+    )]
+    Unreachable {
+        /// Its name, without a password.
+        name: String,
+        /// What it or the system said.
+        reason: String,
+    },
+    /// Its schema is of an older program.
+    #[error(
+        "the database {0} has the tables of an older brdfarm: start a coordinator on it, which \
+         brings them up to date"
+    )]
+    Older(String),
+    /// It does not do what it is asked.
     #[error("the database {name} cannot be used: {reason}")]
     Away {
         /// Its name, without a password.
@@ -135,16 +156,26 @@ impl Database {
 
     /// The error of a database that should be there now.
     pub(super) fn away(&self, fault: Fault) -> DatabaseError {
+        let name = self.name.clone();
         let reason = match fault {
-            Fault::Database(error) | Fault::Pool(PoolError::Backend(error)) => told(&error),
-            Fault::Pool(error) => error.to_string(),
+            Fault::Older => return DatabaseError::Older(name),
+            Fault::Pool(PoolError::Backend(error))
+                if error.code() == Some(&SqlState::INVALID_CATALOG_NAME) =>
+            {
+                return DatabaseError::Missing(name);
+            }
+            Fault::Pool(error) => {
+                let reason = match error {
+                    PoolError::Backend(error) => told(&error),
+                    error => error.to_string(),
+                };
+                return DatabaseError::Unreachable { name, reason };
+            }
+            Fault::Database(error) => told(&error),
             Fault::Damaged(reason) => reason,
             fault => format!("{fault:?}"),
         };
-        DatabaseError::Away {
-            name: self.name.clone(),
-            reason,
-        }
+        DatabaseError::Away { name, reason }
     }
 }
 
@@ -166,6 +197,13 @@ pub(super) async fn execute(
 ) -> Result<u64, Fault> {
     let statement = transaction.prepare_cached(statement).await?;
     Ok(transaction.execute(&statement, parameters).await?)
+}
+
+/// A database's URL as it may be shown.
+pub(crate) fn without_secrets(url: &str) -> String {
+    let taken = encryption::take(url, |_| None);
+    let rest = taken.as_ref().map_or(url, |(_, rest)| rest);
+    parse(rest).map_or_else(|_| "postgres://...".to_owned(), |config| name_of(&config))
 }
 
 fn parse(url: &str) -> Result<Config, DatabaseError> {

@@ -13,6 +13,8 @@ pub(super) enum Fault {
     Database(tokio_postgres::Error),
     Pool(PoolError),
     Damaged(String),
+    /// The schema lacks steps.
+    Older,
     File(FileError),
     Interrupted,
 }
@@ -67,6 +69,7 @@ impl From<Fault> for BoardError {
             Fault::Pool(PoolError::Backend(error)) => Self::Unavailable(told(&error)),
             Fault::Pool(error) => Self::Unavailable(error.to_string()),
             Fault::Damaged(what) => Self::Ledger(LedgerError::Damaged(what)),
+            Fault::Older => Self::Ledger(LedgerError::Damaged("its schema is older".to_owned())),
             Fault::File(error) => Self::File(error),
             Fault::Interrupted => Self::Interrupted,
         }

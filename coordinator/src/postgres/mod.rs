@@ -27,15 +27,18 @@ mod listing;
 mod operating;
 mod part;
 mod schema;
+mod snapshot;
 mod sweeping;
 #[cfg(test)]
 mod tests;
+mod upkeep;
 
-pub(crate) use connecting::Database;
 pub use connecting::DatabaseError;
+pub(crate) use connecting::{Database, without_secrets};
 pub(crate) use schema::Identity;
 #[cfg(test)]
 pub(crate) use tests::server::fresh_schema;
+pub(crate) use upkeep::{Amendment, Upkeep};
 
 use crate::{
     board::{

@@ -74,17 +74,7 @@ async fn migrate(transaction: &Transaction<'_>) -> Result<(), Fault> {
     transaction
         .batch_execute(include_str!("sql/migrations.sql"))
         .await?;
-    let rows = transaction
-        .query("SELECT coalesce(max(number), 0) FROM migrations", &[])
-        .await?;
-    let applied: i32 = rows.first().map_or(0, |row| row.get(0));
-    let known = MIGRATIONS.len() as i32;
-    if applied > known {
-        return Err(Fault::damaged(format!(
-            "its schema has version {applied}, and this program knows versions to {known}: install \
-             the brdfarm that made it"
-        )));
-    }
+    let applied = version(transaction).await?;
     for (number, migration) in (1..).zip(MIGRATIONS) {
         if number > applied {
             transaction.batch_execute(migration).await?;
@@ -96,7 +86,47 @@ async fn migrate(transaction: &Transaction<'_>) -> Result<(), Fault> {
     Ok(())
 }
 
-async fn identity(transaction: &Transaction<'_>) -> Result<Option<Identity>, Fault> {
+/// Whether there is a schema, without making one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Standing {
+    Absent,
+    /// Steps are missing, which whoever opens the database for writing makes.
+    Older,
+    Current,
+}
+
+pub(super) async fn standing(transaction: &Transaction<'_>) -> Result<Standing, Fault> {
+    let rows = transaction
+        .query(include_str!("sql/schema.sql"), &[])
+        .await?;
+    if !rows.first().is_some_and(|row| row.get(0)) {
+        return Ok(Standing::Absent);
+    }
+    let current = version(transaction).await? == MIGRATIONS.len() as i32;
+    Ok(if current {
+        Standing::Current
+    } else {
+        Standing::Older
+    })
+}
+
+/// How many of the steps were made.
+async fn version(transaction: &Transaction<'_>) -> Result<i32, Fault> {
+    let rows = transaction
+        .query(include_str!("sql/version.sql"), &[])
+        .await?;
+    let applied: i32 = rows.first().map_or(0, |row| row.get(0));
+    let known = MIGRATIONS.len() as i32;
+    if applied > known {
+        return Err(Fault::damaged(format!(
+            "its schema has version {applied}, and this program knows versions to {known}: install \
+             the brdfarm that made it"
+        )));
+    }
+    Ok(applied)
+}
+
+pub(super) async fn identity(transaction: &Transaction<'_>) -> Result<Option<Identity>, Fault> {
     let rows = transaction
         .query(include_str!("sql/identity.sql"), &[])
         .await?;

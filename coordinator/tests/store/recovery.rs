@@ -54,7 +54,7 @@ fn a_torn_and_a_damaged_line_come_back_from_the_ledger() {
     fs::write(&path, log).unwrap();
     let store = ReadOnlyStore::open(folder.path()).unwrap();
     assert_eq!(store.materials_missing(), 2);
-    assert_eq!(store.log_lines_damaged(), 1);
+    assert_eq!(store.records_damaged(), 1);
 
     let recovery = open(folder.path(), &specification);
     assert_eq!(recovery.log_lines_restored, 2);

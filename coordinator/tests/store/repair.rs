@@ -7,7 +7,7 @@ use crate::{
     complete_store::completion,
 };
 use coordinator::{
-    Completion, ReadOnlyStore, Store,
+    Completion, ReadOnlyStore, Store, WritableStore,
     garbage::{remove_unnamed, unnamed},
     repair::{Outcome, Repair, repair},
     verify::{Checks, FaultKind, Report, verify},
@@ -76,7 +76,7 @@ fn look(path: &Path, checks: &Checks<'_>) -> Report {
 }
 
 fn mend(path: &Path, renderer: &CheapRenderer, checks: &Checks<'_>) -> Vec<Repair> {
-    let mut store = Store::open(path).unwrap();
+    let mut store = WritableStore::open(path).unwrap();
     repair(&mut store, checks, renderer, &|_| (), &|_, _| ()).unwrap()
 }
 
@@ -197,7 +197,7 @@ fn every_fault_is_named_and_mended() {
     }
     assert_eq!(repairs.len(), expected.len());
     assert_eq!(look(path, &all).faults, []);
-    let removed = remove_unnamed(&Store::open(path).unwrap()).unwrap();
+    let removed = remove_unnamed(&mut WritableStore::open(path).unwrap()).unwrap();
     assert_eq!(removed.len(), 4, "the stranger's and three that were lies");
     assert!(blobs(path) == before);
     let reader = ReadOnlyStore::open(path).unwrap();
@@ -289,12 +289,15 @@ fn only_images_that_nothing_names_are_garbage() {
     let note = path.join("blobs/note.txt");
     fs::write(&note, b"mine").unwrap();
     let found = unnamed(&reader()).unwrap();
-    let is_image: BTreeMap<_, _> = found.iter().map(|f| (f.path.clone(), f.is_image)).collect();
+    let is_image: BTreeMap<_, _> = found
+        .iter()
+        .map(|f| (f.path.clone(), f.is_image()))
+        .collect();
     assert_eq!(
         is_image,
         BTreeMap::from([(stray.clone(), true), (note.clone(), false)])
     );
-    let removed = remove_unnamed(&Store::open(path).unwrap()).unwrap();
+    let removed = remove_unnamed(&mut WritableStore::open(path).unwrap()).unwrap();
     assert_eq!((removed.len(), removed[0].bytes), (1, 5));
     assert!(note.exists() && !stray.exists());
     assert!(look(path, &checks(MATERIALS, None)).is_sound());

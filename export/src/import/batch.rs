@@ -1,8 +1,8 @@
 //! Materials on their way into a store: checked together, made durable together.
 
-use super::{ImportError, Wanted};
+use super::{ImportError, Imported, Wanted};
 use coordinator::{
-    Completion, Store,
+    Completion, WritableStore,
     acceptance::{check_digest, check_identity, expected_headers, inspect},
 };
 use dataset::{Digest, Specification};
@@ -38,13 +38,14 @@ impl Batch {
         self.materials.push((material, images));
     }
 
-    /// Checks all images and makes them durable; leaves the batch empty.
+    /// Checks all images and makes them durable; leaves the batch empty. What somebody else completed
+    /// meanwhile counts as having been there.
     pub fn store(
         &mut self,
         specification: &Specification,
-        store: &mut Store,
+        store: &mut WritableStore,
         threads: usize,
-    ) -> Result<(), ImportError> {
+    ) -> Result<Imported, ImportError> {
         self.check(specification, threads)?;
         let mut completions = Vec::with_capacity(self.materials.len());
         let mut images: Vec<(Digest, Vec<u8>)> = Vec::new();
@@ -65,7 +66,17 @@ impl Batch {
             );
         }
         self.bytes = 0;
-        Ok(store.put(&completions, &images)?)
+        let added = store.add(&completions, &images)?;
+        let mut imported = Imported::default();
+        for (completion, added) in completions.iter().zip(added) {
+            if added {
+                imported.materials += 1;
+                imported.images += completion.views.len() as u64;
+            } else {
+                imported.materials_there += 1;
+            }
+        }
+        Ok(imported)
     }
 
     fn check(&self, specification: &Specification, threads: usize) -> Result<(), ImportError> {

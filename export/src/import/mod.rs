@@ -11,7 +11,8 @@ mod source;
 use crate::manifest::read::{ReadError, read};
 use batch::Batch;
 use coordinator::{
-    BucketUrl, FileError, ReadOnlyStore, Store, StoreError, limits::IMAGE_OVERHEAD_BYTES_MAX,
+    BlobsPlace, FileError, ReadOnlyStore, StoreError, StoreName, WritableStore,
+    limits::IMAGE_OVERHEAD_BYTES_MAX,
 };
 use dataset::{
     CompletedView, Specification,
@@ -106,8 +107,8 @@ pub struct Imported {
     pub materials_there: u32,
 }
 
-/// Imports the images that a manifest names, relative to `source`, into the store at `path`, which
-/// is made where there is none, with its images in `bucket` if one is given. `progress` is told how
+/// Imports the images that a manifest names, relative to `source`, into the store `name`, which is
+/// made where there is none, with its images in `blobs` if that is given. `progress` is told how
 /// many images are in, of how many.
 ///
 /// # Errors
@@ -116,24 +117,27 @@ pub fn import(
     specification: &Specification,
     manifest: &Path,
     source: &Source,
-    path: &Path,
-    bucket: Option<&BucketUrl>,
+    name: impl Into<StoreName>,
+    blobs: Option<&BlobsPlace>,
     threads: usize,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Imported, ImportError> {
     let mut wanted = read_manifest(specification, manifest)?;
-    let mut store = Store::open_or_create_in(path, specification, bucket)?;
+    let mut store = WritableStore::open_or_create(name, specification, blobs)?;
     let mut imported = Imported {
-        materials_there: drop_what_is_there(&ReadOnlyStore::open(path)?, &mut wanted)?,
+        materials_there: drop_what_is_there(&store.read()?, &mut wanted)?,
         ..Imported::default()
     };
     let total = wanted.values().map(|images| images.len() as u64).sum();
     let mut batch = Batch::default();
+    let mut images_done = 0;
     let mut flush = |batch: &mut Batch| -> Result<(), ImportError> {
-        imported.materials += batch.materials.len() as u32;
-        imported.images += batch.images();
-        batch.store(specification, &mut store, threads)?;
-        progress(imported.images, total);
+        images_done += batch.images();
+        let added = batch.store(specification, &mut store, threads)?;
+        imported.materials += added.materials;
+        imported.images += added.images;
+        imported.materials_there += added.materials_there;
+        progress(images_done, total);
         Ok(())
     };
     for_each_material(&wanted, source, &mut |material, bytes| {

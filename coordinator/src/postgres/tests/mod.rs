@@ -9,6 +9,7 @@ mod model;
 mod plans;
 mod replicas;
 pub(crate) mod server;
+mod upkeep;
 
 use super::{Database, Identity, PostgresBoard, Presence};
 use crate::{

@@ -4,6 +4,11 @@
 //! The database says what the dataset is and where its images are. For images in a folder a
 //! coordinator stages uploads in a folder of its own, which it keeps locked; what one that died left
 //! behind is cleared by the next that starts.
+//!
+//! Commands read it as it was at one instant, and beside nobody's way; those that write do so one at
+//! a time (`writing.rs`). They are not asynchronous: what is waited for inside, nobody sees.
+
+mod writing;
 
 use crate::{
     blobs::{Blobs, Claimed},
@@ -20,7 +25,8 @@ use std::{
     str::FromStr,
 };
 use thiserror::Error;
-use tokio::task;
+use tokio::{runtime, task};
+pub(crate) use writing::SharedWriter;
 
 pub use crate::postgres::DatabaseError;
 
@@ -30,6 +36,26 @@ pub enum SharedStoreError {
     /// The database cannot be used.
     #[error(transparent)]
     Database(#[from] DatabaseError),
+    /// There is no store in it.
+    #[error(
+        "there is no store in {0}: `brdfarm coordinator serve`, `run` and `dataset import` make one"
+    )]
+    Absent(String),
+    /// Another command writes to it.
+    #[error("another command is writing to {0}: wait until it ends")]
+    Locked(String),
+    /// Somebody may be about to name an image.
+    #[error(
+        "{leases} of the materials of {name} are with workers, whose images may be named at any \
+         moment: `brdfarm pause`, wait until none is (a coordinator takes back what is lost), and \
+         try again"
+    )]
+    Leased {
+        /// The database.
+        name: String,
+        /// How many.
+        leases: u32,
+    },
     /// It holds another dataset.
     #[error(
         "{name} holds another dataset: its specification has the hash {found}, the one given has \
@@ -169,6 +195,28 @@ impl SharedStore {
             }
             database.make(&identity, wanted.materials).await?;
         };
+        Self::in_place(database, specification, place).await
+    }
+
+    /// Opens the store that is there.
+    ///
+    /// Has to be called inside a runtime.
+    pub async fn open(url: &str) -> Result<Self, SharedStoreError> {
+        let database = Database::new(url)?;
+        // First without a change: a database that is something else stays what it is.
+        match database.look().await {
+            Err(DatabaseError::Older(_)) => {}
+            looked => drop(known(database.name(), looked?)?),
+        }
+        let (specification, place) = known(database.name(), database.open().await?)?;
+        Self::in_place(database, specification, place).await
+    }
+
+    async fn in_place(
+        database: Database,
+        specification: Specification,
+        place: BlobsPlace,
+    ) -> Result<Self, SharedStoreError> {
         let (blobs, staging_lock) = match place {
             BlobsPlace::Folder(folder) => {
                 let (staging, lock) = make_staging(&folder)?;
@@ -199,6 +247,34 @@ impl SharedStore {
     }
 }
 
+/// What a database is about, if it is one of this program's stores.
+fn known(
+    name: &str,
+    kept: Option<Identity>,
+) -> Result<(Specification, BlobsPlace), SharedStoreError> {
+    let kept = kept.ok_or_else(|| SharedStoreError::Absent(name.to_owned()))?;
+    if kept.renderer_version != RENDERER_VERSION {
+        return Err(SharedStoreError::Renderer {
+            name: name.to_owned(),
+            found: kept.renderer_version,
+        });
+    }
+    let damaged = |reason: String| SharedStoreError::Damaged {
+        name: name.to_owned(),
+        reason,
+    };
+    let specification = Specification::from_json(&kept.specification)
+        .map_err(|error| damaged(error.to_string()))?;
+    let hash = specification.hash();
+    if kept.specification_hash != hash.as_bytes() {
+        return Err(damaged(format!(
+            "its specification has the hash {hash}, and it names another"
+        )));
+    }
+    let place = kept.blobs.parse().map_err(damaged)?;
+    Ok((specification, place))
+}
+
 /// Compares what a database is about with what is wanted of it; the specification that is then to
 /// be there, and the place of the images.
 fn check(
@@ -207,24 +283,8 @@ fn check(
     wanted: &Specification,
     given: Option<BlobsPlace>,
 ) -> Result<(Specification, BlobsPlace), SharedStoreError> {
-    if kept.renderer_version != RENDERER_VERSION {
-        return Err(SharedStoreError::Renderer {
-            name: name.to_owned(),
-            found: kept.renderer_version.clone(),
-        });
-    }
-    let damaged = |reason: String| SharedStoreError::Damaged {
-        name: name.to_owned(),
-        reason,
-    };
-    let mut specification = Specification::from_json(&kept.specification)
-        .map_err(|error| damaged(error.to_string()))?;
+    let (mut specification, found) = known(name, Some(kept.clone()))?;
     let hash = specification.hash();
-    if kept.specification_hash != hash.as_bytes() {
-        return Err(damaged(format!(
-            "its specification has the hash {hash}, and it names another"
-        )));
-    }
     if hash != wanted.hash() {
         return Err(SharedStoreError::Specification {
             name: name.to_owned(),
@@ -232,7 +292,6 @@ fn check(
             given: wanted.hash(),
         });
     }
-    let found: BlobsPlace = kept.blobs.parse().map_err(damaged)?;
     if let Some(given) = given
         && given != found
     {
@@ -244,6 +303,32 @@ fn check(
     }
     specification.materials = specification.materials.max(wanted.materials);
     Ok((specification, found))
+}
+
+/// What a store in a database is about, its images for readers, and every completion that counts,
+/// told as JSON, all as it is at one instant. Waits; cannot be called inside a runtime.
+pub(crate) fn read(
+    url: &str,
+    tell: &mut dyn FnMut(&str) -> Result<(), FileError>,
+) -> Result<(Specification, Blobs), SharedStoreError> {
+    let database = Database::new(url)?;
+    let runtime = waiting_runtime()?;
+    let name = database.name();
+    let mut tell = |line: &str| Ok(tell(line)?);
+    let told = database.completions(|kept| known(name, kept), &mut tell);
+    let (specification, place) = runtime.block_on(told)?;
+    let blobs = match place {
+        BlobsPlace::Folder(folder) => Blobs::new(&folder),
+        // Of this machine's files it needs none.
+        BlobsPlace::Bucket(url) => Blobs::in_bucket(Path::new("."), &url)?,
+    };
+    Ok((specification, blobs))
+}
+
+/// For threads that wait for a database.
+fn waiting_runtime() -> Result<runtime::Runtime, FileError> {
+    let runtime = runtime::Builder::new_current_thread().enable_all().build();
+    runtime.map_err(FileError::new("wait for", Path::new("a database")))
 }
 
 /// The images of a store of this name in a bucket.

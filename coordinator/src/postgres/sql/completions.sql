@@ -1,0 +1,3 @@
+SELECT completion FROM completions JOIN jobs USING (material)
+WHERE stage IN ('completed', 'disputed')
+ORDER BY material

@@ -1,0 +1,1 @@
+SELECT material, completion FROM completions WHERE material = ANY ($1)

@@ -1,0 +1,40 @@
+//! A store on the command line: a folder, or a PostgreSQL database.
+
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use coordinator::{AnyStore, BlobsPlace, SharedStore, Store, StoreError, StoreName};
+use dataset::Specification;
+use tokio::runtime::Runtime;
+
+/// What stands for it in a command's help.
+pub const VALUE: &str = "DIR|postgres://USER@HOST/DATABASE";
+
+/// Reads it.
+pub fn parser() -> impl TypedValueParser<Value = StoreName> {
+    PathBufValueParser::new().map(StoreName::new)
+}
+
+/// Opens a store for a coordinator, or makes one. Has to be called outside of `runtime`: a store in
+/// a folder may have its images in a bucket, and waits for that.
+pub fn open_or_create(
+    name: &StoreName,
+    specification: &Specification,
+    blobs: Option<&BlobsPlace>,
+    runtime: &Runtime,
+) -> anyhow::Result<AnyStore> {
+    match name {
+        StoreName::Database(url) => {
+            let opening = SharedStore::open_or_create(url, specification, blobs);
+            Ok(runtime.block_on(opening)?.into())
+        }
+        StoreName::Folder(path) => {
+            let bucket = match blobs {
+                None => None,
+                Some(BlobsPlace::Bucket(url)) => Some(url),
+                Some(BlobsPlace::Folder(folder)) => {
+                    return Err(StoreError::BlobsApart(folder.clone()).into());
+                }
+            };
+            Ok(Store::open_or_create_in(path, specification, bucket)?.into())
+        }
+    }
+}
