@@ -131,7 +131,9 @@ fn is_bad_database(error: &SharedStoreError) -> bool {
             | SharedStoreError::BlobsUnknown(_)
             | SharedStoreError::Blobs { .. }
             | SharedStoreError::Database(
-                DatabaseError::Name(_) | DatabaseError::Missing(_) | DatabaseError::Tls(_)
+                DatabaseError::Name(_)
+                    | DatabaseError::Missing(_)
+                    | DatabaseError::Encryption { .. }
             )
     )
 }

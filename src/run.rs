@@ -210,7 +210,7 @@ async fn work(
     backend: BackendChoice,
     stopping: watch::Receiver<bool>,
 ) -> Result<(), WorkerError> {
-    let worker = Worker::connect(&url, options, move |specification| {
+    let worker = Worker::connect(&[url], options, move |specification| {
         RendererBackend::new(specification, backend)
             .map_err(|error| RenderFailure(error.to_string()))
     })

@@ -23,9 +23,10 @@ pub enum Command {
 /// again it ends at once, and the coordinator gives its work to others when its leases run out.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// The coordinator, as in http://127.0.0.1:7117
-    #[arg(value_name = "URL")]
-    url: String,
+    /// The coordinator, as in http://127.0.0.1:7117; or several of one farm, any of which is asked,
+    /// and another where it goes away
+    #[arg(value_name = "URL", required = true)]
+    urls: Vec<String>,
     /// The worker's name: failures and bars are counted by it, so one that stays the same when the
     /// worker starts again is better [default: the machine's name and the process's number]
     #[arg(long)]
@@ -72,7 +73,7 @@ async fn work(options: &Options) -> anyhow::Result<Summary> {
         ..defaults
     };
     let backend = options.backend;
-    let connecting = Worker::connect(&options.url, worker_options, move |specification| {
+    let connecting = Worker::connect(&options.urls, worker_options, move |specification| {
         RendererBackend::new(specification, backend)
             .map_err(|error| RenderFailure(error.to_string()))
     });

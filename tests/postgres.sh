@@ -6,6 +6,7 @@
 #                               million jobs; dead tuples and sizes
 #
 # BRDFARM_TEST_POSTGRES=URL      for model: use this server, not a private one
+# BRDFARM_MODEL_RUNS=512         for model: 200 to 300 operations each
 # BRDFARM_MEASURE_SECONDS=30     how long each is measured
 # BRDFARM_SOAK_SECONDS=600       go on for so long afterwards, telling of dead tuples every minute
 set -euo pipefail

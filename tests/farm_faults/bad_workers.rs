@@ -111,7 +111,7 @@ fn be_a_bad_worker() {
     let runtime = tokio::runtime::Runtime::new().expect("a runtime");
     let summary = runtime.block_on(async {
         let (_stop, stopping) = watch::channel(false);
-        let worker = Worker::connect(&format!("http://{address}"), options, prepare).await?;
+        let worker = Worker::connect(&[format!("http://{address}")], options, prepare).await?;
         worker.run(stopping).await
     });
     // A view that hangs would keep the process.

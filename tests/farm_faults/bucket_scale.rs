@@ -181,8 +181,7 @@ fn uploads_keep_up_with_a_plain_client() {
         runtime.block_on(async {
             let (_stop, stopping) = watch::channel(false);
             let options = worker::Options::default();
-            let worker = Worker::connect(&url, options, move |_| Ok(Bytes14 { bytes }));
-            worker
+            Worker::connect(&[url], options, move |_| Ok(Bytes14 { bytes }))
                 .await
                 .expect("admitted")
                 .run(stopping)
@@ -207,6 +206,14 @@ fn uploads_keep_up_with_a_plain_client() {
             total as f64 / 1e6 / uploads.seconds(),
             uploads.seconds() / plain,
         );
+        let images = f64::from(materials * 14);
+        for (kind, count) in &counts {
+            println!(
+                "    {kind}: {:.2} requests an image, some under way for {:.1} s of {farm:.1}",
+                count.requests as f64 / images,
+                count.seconds()
+            );
+        }
         assert!(uploads.seconds() / plain <= RATIO_MAX);
     }
 }

@@ -131,8 +131,14 @@ impl Harness {
 
     /// A worker whose log is kept under its name.
     pub fn worker(&self, name: &str, address: &str) -> Process {
+        self.worker_of(name, &[address])
+    }
+
+    /// The same, of any of several coordinators.
+    pub fn worker_of(&self, name: &str, addresses: &[&str]) -> Process {
+        let urls = addresses.join(" http://");
         let arguments = format!(
-            "worker connect http://{address} --name {name} --threads 1 --backend native \
+            "worker connect http://{urls} --name {name} --threads 1 --backend native \
              --log info --log-format json"
         );
         let log = File::options()

@@ -18,9 +18,14 @@ mod faults;
 mod harness;
 mod liar;
 mod network;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#[path = "../../coordinator/src/postgres/tests/server.rs"]
+mod postgres;
 mod power;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
 mod proxy;
+mod replicas;
 mod s3;

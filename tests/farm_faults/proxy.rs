@@ -48,19 +48,25 @@ struct State {
 
 impl Proxy {
     pub fn before(target: &str) -> Self {
+        Self::before_all(&[target.to_owned()])
+    }
+
+    /// A balancer: each connection goes to the next of the targets that takes it.
+    pub fn before_all(targets: &[String]) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("an address");
         let address = listener.local_addr().expect("an address").to_string();
         let state = Arc::<State>::default();
-        let (shared, target) = (Arc::clone(&state), target.to_owned());
+        let (shared, mut targets) = (Arc::clone(&state), targets.to_vec());
         thread::spawn(move || {
             for client in listener.incoming().map_while(Result::ok) {
                 if shared.refusing.load(Ordering::Relaxed) {
                     continue;
                 }
-                let Ok(server) = TcpStream::connect(&target) else {
-                    continue;
-                };
-                shared.join(client, server);
+                targets.rotate_left(1);
+                let mut reached = targets.iter().map(TcpStream::connect);
+                if let Some(server) = reached.find_map(Result::ok) {
+                    shared.join(client, server);
+                }
             }
         });
         Self { address, state }

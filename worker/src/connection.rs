@@ -5,7 +5,14 @@ use proto::{
     FarmClient,
     client::{self, Credentials, with_deadline_after},
 };
-use std::{error::Error, time::Duration};
+use std::{
+    error::Error,
+    sync::{
+        Arc,
+        atomic::{AtomicUsize, Ordering},
+    },
+    time::Duration,
+};
 use thiserror::Error;
 use tokio::time::{Instant, sleep};
 use tonic::{Code, Request, Response, Status};
@@ -42,25 +49,41 @@ fn reason(status: &Status) -> String {
     }
 }
 
-/// The line to one coordinator. Cheap to clone.
+/// The line to the coordinators of one farm, any of which answers any call. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Connection {
-    client: FarmClient,
+    clients: Arc<[FarmClient]>,
+    // Whom calls go to: the one that answered last. The same for all clones.
+    current: Arc<AtomicUsize>,
     away_max: Duration,
 }
 
 impl Connection {
-    /// A line to `url` that gives up after the coordinator has been away for `away_max`.
-    pub fn new(url: &str, credentials: &Credentials, away_max: Duration) -> Result<Self, String> {
-        let client = client::farm(url, credentials)?;
-        Ok(Self { client, away_max })
+    /// A line to the coordinators at `urls` that gives up after all have been away for `away_max`.
+    /// It begins with any of them, so that workers spread over them.
+    pub fn new(
+        urls: &[String],
+        credentials: &Credentials,
+        away_max: Duration,
+    ) -> Result<Self, String> {
+        let clients = urls.iter().map(|url| client::farm(url, credentials));
+        let clients = clients.collect::<Result<Arc<[_]>, _>>()?;
+        if clients.is_empty() {
+            return Err("no coordinator is named".to_owned());
+        }
+        let first = (random_fraction().unwrap_or_default() * clients.len() as f64) as usize;
+        Ok(Self {
+            current: Arc::new(AtomicUsize::new(first.min(clients.len() - 1))),
+            clients,
+            away_max,
+        })
     }
 
     /// The same line with another patience.
     pub fn patient_for(&self, away_max: Duration) -> Self {
         Self {
-            client: self.client.clone(),
             away_max,
+            ..self.clone()
         }
     }
 
@@ -69,7 +92,15 @@ impl Connection {
         self.away_max
     }
 
-    /// Makes a call, and again while the coordinator is away.
+    /// Turns to the coordinator after `failed`, unless another call has done so meanwhile.
+    fn turn_from(&self, failed: usize) {
+        let next = (failed + 1) % self.clients.len();
+        let order = Ordering::Relaxed;
+        // An error means that somebody turned away before.
+        let _ = self.current.compare_exchange(failed, next, order, order);
+    }
+
+    /// Makes a call, and again while no coordinator answers.
     pub async fn call<M: Clone, R, F>(
         &self,
         message: M,
@@ -94,8 +125,9 @@ impl Connection {
         let mut away_since = None;
         for attempt in 0.. {
             let started = Instant::now();
+            let asked = self.current.load(Ordering::Relaxed);
             let request = with_deadline_after(message.clone(), wait);
-            let status = match method(self.client.clone(), request).await {
+            let status = match method(self.clients[asked].clone(), request).await {
                 Ok(response) => return Ok(response.into_inner()),
                 Err(status) if is_final(status.code()) => return Err(CallError::Refused(status)),
                 Err(status) => status,
@@ -111,7 +143,12 @@ impl Connection {
                     "a call to the coordinator keeps failing, trying again"
                 );
             }
-            let pause = pause(attempt).max(asked_pause(&status));
+            if status.code() != Code::ResourceExhausted {
+                self.turn_from(asked);
+            }
+            // Pauses begin when all have been asked.
+            let round = attempt / self.clients.len() as u32;
+            let pause = pause(round).max(asked_pause(&status));
             sleep(pause.min(self.away_max - away)).await;
         }
         unreachable!("attempts do not run out")
@@ -150,13 +187,15 @@ pub(crate) fn pause(attempt: u32) -> Duration {
     let full = limits::BACKOFF_FIRST
         .saturating_mul(1 << doublings.min(20))
         .min(limits::BACKOFF_MAX);
-    let mut random = [0; 2];
     // Without random numbers pauses are merely not spread.
-    if getrandom::fill(&mut random).is_err() {
-        return full;
-    }
-    let fraction = f64::from(u16::from_ne_bytes(random)) / f64::from(u16::MAX);
-    full.mul_f64(0.5 + 0.5 * fraction)
+    full.mul_f64(0.5 + 0.5 * random_fraction().unwrap_or(1.0))
+}
+
+/// A number from 0 to 1; `None` where the system has no random numbers.
+fn random_fraction() -> Option<f64> {
+    let mut random = [0; 2];
+    getrandom::fill(&mut random).ok()?;
+    Some(f64::from(u16::from_ne_bytes(random)) / f64::from(u16::MAX))
 }
 
 #[cfg(test)]
@@ -178,9 +217,9 @@ mod tests {
 
     #[tokio::test]
     async fn a_call_is_repeated_until_it_is_answered_refused_or_given_up() {
-        let nobody = "http://127.0.0.1:9";
+        let nobody = ["http://127.0.0.1:9".to_owned()];
         let patience = Duration::from_millis(400);
-        let line = Connection::new(nobody, &Credentials::default(), patience).unwrap();
+        let line = Connection::new(&nobody, &Credentials::default(), patience).unwrap();
         let calls = std::cell::Cell::new(0);
         let scripted = |answers: &'static [Result<u8, Code>]| {
             calls.set(0);
@@ -210,5 +249,35 @@ mod tests {
         let answer = line.call((), scripted(&[Err(Code::Unavailable)]));
         assert!(matches!(answer.await, Err(CallError::Away(..))));
         assert!(started.elapsed() >= Duration::from_millis(400));
+    }
+    #[tokio::test]
+    async fn another_coordinator_is_asked_where_one_fails_and_is_asked_from_then_on() {
+        let urls = [1, 2, 3].map(|port| format!("http://127.0.0.1:{port}"));
+        let line = Connection::new(&urls, &Credentials::default(), Duration::MAX).unwrap();
+        line.current.store(1, Ordering::Relaxed);
+        let current = Arc::clone(&line.current);
+        let asked = std::cell::RefCell::new(Vec::new());
+        // Coordinator 0 alone is there, and busy at first.
+        let answer = async |_: FarmClient, _: Request<()>| {
+            let coordinator = current.load(Ordering::Relaxed);
+            asked.borrow_mut().push(coordinator);
+            match (coordinator, asked.borrow().len()) {
+                (0, 3) => Err(Status::resource_exhausted("no room")),
+                (0, _) => Ok(Response::new(7)),
+                _ => Err(Status::unavailable("gone")),
+            }
+        };
+        let began = Instant::now();
+        assert_eq!(line.call((), &answer).await.unwrap(), 7);
+        assert!(
+            began.elapsed() < limits::BACKOFF_FIRST,
+            "it paused before it had asked all"
+        );
+        assert_eq!(line.clone().call((), &answer).await.unwrap(), 7);
+        assert_eq!(asked.into_inner(), [1, 2, 0, 0, 0]);
+        // Of two calls that failed at the same one, one turns.
+        line.turn_from(0);
+        line.turn_from(0);
+        assert_eq!(current.load(Ordering::Relaxed), 1);
     }
 }

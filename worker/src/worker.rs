@@ -123,7 +123,7 @@ pub struct Summary {
 
 /// A worker that a coordinator has admitted.
 pub struct Worker {
-    url: String,
+    urls: String,
     options: Options,
     connection: Connection,
     id: Vec<u8>,
@@ -149,19 +149,21 @@ struct Tally {
 }
 
 impl Worker {
-    /// Asks the coordinator at `url` for its dataset, prepares the renderer that `prepare` makes
-    /// for it, and registers. Has to be called inside a runtime.
+    /// Asks a coordinator for its dataset, prepares the renderer that `prepare` makes for it, and
+    /// registers. `urls` are the coordinators of one farm, at least one: where one does not answer,
+    /// the next is asked. Has to be called inside a runtime.
     ///
     /// # Errors
-    /// When the coordinator is not to be reached in time, when it refuses this worker (the sentence
+    /// When no coordinator is to be reached in time, when it refuses this worker (the sentence
     /// says what to install), and when the renderer cannot start.
     pub async fn connect<R: Render>(
-        url: &str,
+        urls: &[String],
         options: Options,
         prepare: impl FnOnce(&Specification) -> Result<R, RenderFailure> + Send + 'static,
     ) -> Result<Self, WorkerError> {
-        let failed = |error: CallError| WorkerError::of(url, error);
-        let connection = Connection::new(url, &options.credentials, options.away_max);
+        let named = urls.join(", ");
+        let failed = |error: CallError| WorkerError::of(&named, error);
+        let connection = Connection::new(urls, &options.credentials, options.away_max);
         let connection = connection.map_err(WorkerError::Url)?;
         let dataset = connection
             .patient_for(options.connect_max)
@@ -190,7 +192,7 @@ impl Worker {
             .thread_name(|index| format!("render {index}"))
             .build()?;
         Ok(Self {
-            url: url.to_owned(),
+            urls: named,
             options,
             connection,
             id: worker_id,
@@ -525,7 +527,7 @@ impl From<CallError> for Stopped {
 impl Worker {
     fn error(&self, stopped: Stopped) -> WorkerError {
         match stopped {
-            Stopped::Call(error) => WorkerError::of(&self.url, error),
+            Stopped::Call(error) => WorkerError::of(&self.urls, error),
             Stopped::Wedged(material) => WorkerError::Wedged {
                 material,
                 deadline: self.deadline,

@@ -2,7 +2,7 @@
 
 use super::{Farm, FarmError};
 use crate::{
-    acceptance, blobs::Blobs, file_error::FileError, ledger::BlobPlace, limits,
+    acceptance, blobs::Blobs, file_error::FileError, hands::Interrupted, ledger::BlobPlace, limits,
     staging::StagedImage,
 };
 use dataset::Digest;
@@ -27,7 +27,7 @@ impl Farm {
             .collect())
     }
 
-    /// Takes an image in, unless it is here: checks digest, layout and every pixel.
+    /// Takes an image in, unless it is staged: checks digest, layout and every pixel.
     pub async fn put_blob(
         &self,
         digest: Digest,
@@ -49,20 +49,21 @@ impl Farm {
                 proto::limits::BLOB_BYTES_MAX
             )));
         }
-        let permit = Arc::clone(&self.uploads).acquire_owned().await;
-        let permit = permit.map_err(|_| FarmError::Interrupted)?;
-        if self.find_missing(vec![digest]).await?.is_empty() {
-            return Ok(());
-        }
         let shared = Arc::clone(&self.shared);
         let surroundings = Arc::clone(&self.surroundings);
         let film = self.specification.image.clone();
-        // The task runs to its end even when the caller goes away, so what it reserves it also
-        // gives back.
-        task::spawn_blocking(move || {
-            let _permit = permit;
-            if !surroundings.staging().reserve(size) {
-                return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
+        // What is begun runs to its end even when the caller goes away, so what it reserves it also
+        // gives back. Whether the image is in the store already is not looked up: a worker asks
+        // before it sends, and a second copy is dropped when it grows old.
+        let take_in = move || {
+            {
+                let mut staging = surroundings.staging();
+                if staging.contains(&digest) {
+                    return Ok(());
+                }
+                if !staging.reserve(size) {
+                    return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
+                }
             }
             let bytes = data.as_ref();
             let staged = acceptance::check_digest(bytes, digest)
@@ -87,9 +88,9 @@ impl Farm {
                     Err(error)
                 }
             }
-        })
-        .await
-        .map_err(|_| FarmError::Interrupted)?
+        };
+        let taken = self.uploads.run(take_in).await;
+        taken.map_err(|Interrupted| FarmError::Interrupted)?
     }
 
     /// Of images that are not staged, which are in the store: known to the ledger, and on the disk
@@ -103,7 +104,7 @@ impl Farm {
         }
         let places = self.board.places(&digests).await?;
         if places.iter().all(Option::is_none) {
-            // Nothing to look for on the disk: waking a thread costs as much as a small image.
+            // Nothing to look for: waking a thread costs as much as a small image.
             return Ok(digests.into_iter().zip(places).collect());
         }
         let blobs = self.surroundings.blobs.clone();

@@ -21,6 +21,7 @@ pub(crate) use uploads::Md5;
 use crate::{
     blobs::Blobs,
     board::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings},
+    hands::Hands,
     limits,
     metrics::Metrics,
     postgres::{PostgresBoard, Presence},
@@ -41,10 +42,7 @@ use std::{
     thread,
     time::Duration,
 };
-use tokio::{
-    sync::{Semaphore, watch},
-    time::Instant,
-};
+use tokio::{sync::watch, time::Instant};
 
 /// How far a coordinator is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -99,7 +97,7 @@ pub(crate) struct Farm {
     shared: Arc<Shared>,
     board: Arc<dyn Board>,
     surroundings: Arc<Surroundings>,
-    uploads: Arc<Semaphore>,
+    uploads: Hands,
     checks_per_million: u32,
     metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
@@ -164,7 +162,7 @@ impl Farm {
             shared,
             board,
             surroundings,
-            uploads: Arc::new(Semaphore::new(uploads_at_once())),
+            uploads: Hands::new(uploads_at_once()),
             checks_per_million: options.checks_per_million,
             metrics,
             stopping,

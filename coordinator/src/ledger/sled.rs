@@ -280,28 +280,12 @@ mod tests {
         queue::{Bar, BarCause, Check, Failure, Holder, JobState},
         token::{Token, WorkerId},
     };
-    use dataset::{CompletedView, ErrorStatistics};
     use std::fs;
 
     fn completion(material: u32) -> Completion {
-        let digest = Digest::of(&material.to_be_bytes());
-        let statistics = ErrorStatistics {
-            mean: 0.1,
-            p95: 0.2,
-            max: 0.3,
-            within_target: 0.9,
-            samples: 64,
-            evaluations: 7,
-        };
         Completion {
-            material,
-            views: vec![CompletedView {
-                digest,
-                bytes: 5,
-                statistics,
-            }],
-            seconds: 0.25,
             worker: "w".to_owned(),
+            ..Completion::sample(material, &material.to_be_bytes())
         }
     }
 

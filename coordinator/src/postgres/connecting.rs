@@ -1,15 +1,18 @@
 //! Connections to a database.
 
-use super::fault::{Fault, told};
+use super::{
+    encryption,
+    fault::{Fault, told},
+};
 use crate::limits;
 use deadpool_postgres::{
     Hook, HookError, Manager, ManagerConfig, Object, Pool, PoolError, RecyclingMethod, Runtime,
     Transaction,
 };
-use std::{env, fs, path::PathBuf};
+use std::{env, error::Error as _, fs, io, path::PathBuf};
 use thiserror::Error;
 use tokio_postgres::{
-    Config, NoTls, Row,
+    Config, Row,
     config::{Host, SslMode},
     error::SqlState,
     types::ToSql,
@@ -30,15 +33,20 @@ const SETTINGS: &str = "\
 /// Why a database cannot be used.
 #[derive(Debug, Error)]
 pub enum DatabaseError {
-    /// Its name makes no sense.
-    #[error("{0:?} names no database: postgres://USER@HOST:PORT/DATABASE is wanted")]
-    Name(String),
-    /// It asks for TLS.
+    /// Its URL makes no sense, and is not repeated: it may have a password.
     #[error(
-        "{0} asks for TLS by sslmode=require, which this program does not speak to a database: \
-         reach it over a Unix socket, a private network or a tunnel"
+        "a database is named as postgres://USER@HOST:PORT/DATABASE, with %40 for an @ in a password \
+         and the like: {0}"
     )]
-    Tls(String),
+    Name(String),
+    /// What its URL or the environment says of TLS makes no sense.
+    #[error("{name}: {reason}")]
+    Encryption {
+        /// Its name, without a password.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
     /// The server has no such database.
     #[error("there is no database {0}: make it with `createdb`, or name another")]
     Missing(String),
@@ -90,13 +98,21 @@ impl Database {
     /// A pool of connections that are made when they are needed. A password comes from the URL, or
     /// from PGPASSWORD, or from the file that PGPASSFILE names, or from ~/.pgpass.
     pub fn new(url: &str) -> Result<Self, DatabaseError> {
-        // The error could repeat the password.
-        let unnamed = |_| DatabaseError::Name(without_password(url));
-        let mut config: Config = url.parse().map_err(unnamed)?;
-        let name = without_password(url);
-        if config.get_ssl_mode() == SslMode::Require {
-            return Err(DatabaseError::Tls(name));
-        }
+        let variable = |name: &str| env::var_os(name);
+        let taken = encryption::take(url, variable);
+        let rest = taken.as_ref().map_or(url, |(_, rest)| rest);
+        let mut config = parse(rest)?;
+        let name = name_of(&config);
+        let (encryption, _) = taken.map_err(|reason| DatabaseError::Encryption {
+            name: name.clone(),
+            reason,
+        })?;
+        let is_local = |host: &Host| matches!(host, Host::Unix(_));
+        config.ssl_mode(if config.get_hosts().iter().all(is_local) {
+            SslMode::Disable
+        } else {
+            encryption.mode
+        });
         config.connect_timeout(limits::DATABASE_CONNECT_WAIT);
         config.tcp_user_timeout(limits::DATABASE_SILENCE_MAX);
         if config.get_password().is_none()
@@ -113,7 +129,7 @@ impl Database {
                 settled.map_err(HookError::Backend)
             })
         });
-        let pool = Pool::builder(Manager::from_config(config, NoTls, manager))
+        let pool = Pool::builder(Manager::from_config(config, encryption.connector, manager))
             .max_size(limits::DATABASE_CONNECTIONS_MAX)
             .runtime(Runtime::Tokio1)
             .wait_timeout(Some(limits::DATABASE_CONNECT_WAIT))
@@ -152,6 +168,7 @@ impl Database {
             {
                 return DatabaseError::Missing(name);
             }
+            Fault::Pool(PoolError::Backend(error)) if is_about_tls(&error) => told(&error),
             Fault::Pool(error) => {
                 let reason = match error {
                     PoolError::Backend(error) => told(&error),
@@ -165,6 +182,20 @@ impl Database {
         };
         DatabaseError::Away { name, reason }
     }
+}
+
+/// Whether somebody answered, but TLS did not come about: neither the server's own word nor one of
+/// the system.
+fn is_about_tls(error: &tokio_postgres::Error) -> bool {
+    let of_system = |cause: &io::Error| {
+        let inner = cause.get_ref();
+        inner.is_none_or(|inner| !inner.is::<rustls::Error>())
+    };
+    error.code().is_none()
+        && error.source().is_some_and(|cause| {
+            let cause = cause.downcast_ref::<io::Error>();
+            !cause.is_some_and(of_system)
+        })
 }
 
 /// Rows of a statement, which is prepared once a connection.
@@ -188,23 +219,48 @@ pub(super) async fn execute(
 }
 
 /// A database's URL as it may be shown.
-pub(crate) fn without_password(url: &str) -> String {
-    let Some((scheme, rest)) = url.split_once("://") else {
-        return url.to_owned();
-    };
-    let (authority, place) = match rest.split_once('/') {
-        Some((authority, place)) => (authority, format!("/{place}")),
-        None => (rest, String::new()),
-    };
-    let place = place.split('?').next().unwrap_or_default();
-    let authority = match authority.rsplit_once('@') {
-        Some((user, host)) => {
-            let user = user.split(':').next().unwrap_or_default();
-            format!("{user}@{host}")
+pub(crate) fn without_secrets(url: &str) -> String {
+    let taken = encryption::take(url, |_| None);
+    let rest = taken.as_ref().map_or(url, |(_, rest)| rest);
+    parse(rest).map_or_else(|_| "postgres://...".to_owned(), |config| name_of(&config))
+}
+
+fn parse(url: &str) -> Result<Config, DatabaseError> {
+    let parsed: Result<Config, _> = url.parse();
+    // A password with an @ in it was taken apart at the wrong place: no part of it is repeated.
+    let is_clear = url.matches('@').count() <= 1;
+    let unnamed = |reason: String| DatabaseError::Name(reason);
+    let config = parsed.map_err(|error| match error.source() {
+        Some(cause) if is_clear => unnamed(cause.to_string()),
+        _ => unnamed("this one is not".to_owned()),
+    })?;
+    let is_strange = |host: &Host| matches!(host, Host::Tcp(host) if host.contains(['@', '/']));
+    let is_at = |database: &str| database.contains('@');
+    if config.get_hosts().iter().any(is_strange) || config.get_dbname().is_some_and(is_at) {
+        return Err(unnamed("this one has an @ where none can be".to_owned()));
+    }
+    Ok(config)
+}
+
+/// What people are told a database is called: its URL, less what may be a secret.
+fn name_of(config: &Config) -> String {
+    let user = config.get_user().map(|user| format!("{user}@"));
+    let ports = config.get_ports();
+    let hosts = config.get_hosts().iter().enumerate().map(|(at, host)| {
+        let port = ports.get(at).or(ports.first());
+        let port = port.map_or_else(String::new, |port| format!(":{port}"));
+        match host {
+            Host::Tcp(host) if host.contains(':') => format!("[{host}]{port}"),
+            Host::Tcp(host) => format!("{host}{port}"),
+            Host::Unix(folder) => folder.display().to_string(),
         }
-        None => authority.to_owned(),
-    };
-    format!("{scheme}://{authority}{place}")
+    });
+    format!(
+        "postgres://{}{}/{}",
+        user.unwrap_or_default(),
+        hosts.collect::<Vec<_>>().join(","),
+        config.get_dbname().unwrap_or_default()
+    )
 }
 
 fn password(config: &Config) -> Option<String> {
@@ -259,13 +315,36 @@ mod tests {
         let of = |host, user| password_of(lines, [host, "5432", "farm", user]);
         assert_eq!(of("host", "me").as_deref(), Some("a:b\\c"));
         assert_eq!(of("else", "you").as_deref(), Some("last"));
-        let url = "postgres://me:secret@host:5432/farm?password=secret";
-        assert_eq!(without_password(url), "postgres://me@host:5432/farm");
-        let database = Database::new(url).unwrap();
-        assert_eq!(database.name(), "postgres://me@host:5432/farm");
-        let error = Database::new("postgres://me:secret@host:port/")
-            .err()
-            .unwrap();
-        assert!(!error.to_string().contains("secret"), "{error}");
+        let named = |url: &str| Database::new(url).map(|database| database.name().to_owned());
+        let url = "postgres://me:secret@host:5432/farm?password=secret&sslmode=require";
+        assert_eq!(named(url).unwrap(), "postgres://me@host:5432/farm");
+        for (url, name) in [
+            (
+                "postgres://me:se/cret@[::1]/farm",
+                "postgres://me@[::1]:5432/farm",
+            ),
+            (
+                "postgres://me:se?cret@a:1,b:2/farm",
+                "postgres://me@a:1,b:2/farm",
+            ),
+            (
+                "postgres://me@/farm?host=/run/pg",
+                "postgres://me@/run/pg/farm",
+            ),
+        ] {
+            assert_eq!(named(url).unwrap(), name);
+        }
+        for url in [
+            "postgres://me:secret@host:port/",
+            "postgres://me:se@cret@host/farm",
+            "postgres://me:se@cret/et@host/farm",
+            "postgres://me:se@x?cret=@host/farm",
+            "postgres://me:secret@host/farm?sslmode=strict",
+        ] {
+            let error = named(url).unwrap_err().to_string();
+            assert!(!error.contains("cret"), "{error}");
+        }
+        let error = named("postgres://host/farm?colour=red").unwrap_err();
+        assert!(error.to_string().ends_with("unknown option `colour`"));
     }
 }

@@ -1,5 +1,6 @@
 //! What goes wrong between here and the database.
 
+use super::encryption;
 use crate::{board::BoardError, file_error::FileError, ledger::LedgerError, queue::Refusal};
 use deadpool_postgres::PoolError;
 use std::error::Error as _;
@@ -80,6 +81,9 @@ impl From<Fault> for BoardError {
 
 /// An error with its cause: what the server said is in the cause.
 pub(super) fn told(error: &tokio_postgres::Error) -> String {
+    if let Some(disbelief) = encryption::disbelief(error) {
+        return disbelief;
+    }
     match error.source() {
         Some(cause) => format!("{error}: {cause}"),
         None => error.to_string(),

@@ -29,6 +29,7 @@
 mod claiming;
 mod completing;
 mod connecting;
+mod encryption;
 mod fault;
 mod listing;
 mod moving;
@@ -42,7 +43,7 @@ mod tests;
 mod upkeep;
 
 pub use connecting::DatabaseError;
-pub(crate) use connecting::{Database, without_password};
+pub(crate) use connecting::{Database, without_secrets};
 pub(crate) use moving::Live;
 pub(crate) use schema::Identity;
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Which store is meant.
 
-use crate::postgres::{Database, without_password};
+use crate::postgres::{Database, without_secrets};
 use std::{
     fmt,
     path::{Path, PathBuf},
@@ -56,7 +56,7 @@ impl fmt::Display for StoreName {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Folder(folder) => folder.display().fmt(f),
-            Self::Database(url) => f.write_str(&without_password(url)),
+            Self::Database(url) => f.write_str(&without_secrets(url)),
         }
     }
 }
@@ -75,8 +75,8 @@ mod tests {
     fn a_url_is_a_database_and_its_password_is_never_shown() {
         let url = StoreName::new("postgres://me:secret@host/farm?password=secret");
         assert!(matches!(url, StoreName::Database(_)));
-        assert_eq!(url.to_string(), "postgres://me@host/farm");
-        assert_eq!(format!("{url:?}"), "postgres://me@host/farm");
+        assert_eq!(url.to_string(), "postgres://me@host:5432/farm");
+        assert_eq!(format!("{url:?}"), "postgres://me@host:5432/farm");
         let folder = StoreName::new("a/postgres:/store");
         assert_eq!(folder.folder(), Some(Path::new("a/postgres:/store")));
     }

@@ -168,7 +168,7 @@ impl Bench {
                 options.name = name;
             }
             let prepare = move |specification: &Specification| Ok(renderer(specification));
-            Worker::connect(&url, options, prepare)
+            Worker::connect(&[url], options, prepare)
                 .await?
                 .run(stopping)
                 .await

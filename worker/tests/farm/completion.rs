@@ -96,7 +96,7 @@ async fn the_renderer_s_images_are_what_the_coordinator_accepts() {
             .map_err(|error| RenderFailure(error.to_string()))
     };
     let options = worker::Options::default();
-    let worker = Worker::connect(&coordinator.url(), options, prepare).await;
+    let worker = Worker::connect(&[coordinator.url()], options, prepare).await;
     let (_stop, stopping) = watch::channel(false);
     let summary = worker.unwrap().run(stopping).await.unwrap();
     assert_eq!((summary.materials, summary.failures), (2, 0));

@@ -123,7 +123,7 @@ async fn a_worker_that_finds_nobody_says_where_it_looked() {
     let url = coordinator.url();
     coordinator.shutdown().await;
     let error = worker::Worker::connect::<Never>(
-        &url,
+        std::slice::from_ref(&url),
         worker::Options {
             connect_max: Duration::from_millis(300),
             ..worker::Options::default()

@@ -3,6 +3,7 @@
 #![allow(clippy::print_stdout, reason = "measurements are for people")]
 
 mod crash;
+mod encryption;
 mod measure;
 mod model;
 mod plans;
@@ -18,7 +19,6 @@ use crate::{
     queue::Policy,
     token::{Token, WorkerId},
 };
-use dataset::{CompletedView, Digest, ErrorStatistics};
 use std::{
     path::Path,
     sync::{Arc, Mutex},
@@ -59,27 +59,9 @@ fn board(
 }
 
 fn delivery(material: u32, token: Token) -> Delivery {
-    let statistics = ErrorStatistics {
-        mean: 0.1,
-        p95: 0.2,
-        max: 0.3,
-        within_target: 0.9,
-        samples: 64,
-        evaluations: 7,
-    };
-    let completion = Completion {
-        material,
-        views: vec![CompletedView {
-            digest: Digest::of(&material.to_be_bytes()),
-            bytes: 5,
-            statistics,
-        }],
-        seconds: 0.25,
-        worker: String::new(),
-    };
     Delivery {
         token,
-        completion,
+        completion: Completion::sample(material, &material.to_be_bytes()),
         check: false,
     }
 }

@@ -78,9 +78,14 @@ proptest! {
     }
 }
 
+/// Runs of 200 to 300 operations, 100,000 and more, unless BRDFARM_MODEL_RUNS says otherwise.
+fn runs_long() -> u32 {
+    let given = std::env::var("BRDFARM_MODEL_RUNS").ok();
+    given.map_or(512, |given| given.parse().expect("a number"))
+}
+
 proptest! {
-    // 512 runs of 200 to 300 operations: 100,000 and more.
-    #![proptest_config(runs(512))]
+    #![proptest_config(runs(runs_long()))]
 
     #[test]
     #[ignore = "an hour: tests/postgres.sh"]

@@ -3,7 +3,11 @@
 use std::{
     env, fs,
     io::Write,
-    os::unix::{fs::chown, process::CommandExt},
+    net::TcpListener,
+    os::unix::{
+        fs::{PermissionsExt, chown},
+        process::CommandExt,
+    },
     path::{Path, PathBuf},
     process::{Child, ChildStdin, Command, Stdio},
     sync::{
@@ -37,6 +41,7 @@ const KEEPER: &str = r#"
 /// A server in a folder of its own, reached through a socket there.
 pub struct Server {
     folder: PathBuf,
+    port: u16,
     keeper: Child,
     orders: Option<ChildStdin>,
 }
@@ -80,9 +85,44 @@ fn command(program: &Path, user: Option<(u32, u32)>) -> Command {
     command
 }
 
+/// To processes of which some may have ended by themselves.
+fn signal(name: &str, pids: &[&str]) {
+    let sent = Command::new("kill")
+        .args(["-s", name])
+        .args(pids)
+        .stderr(Stdio::null())
+        .status();
+    sent.unwrap();
+}
+
+/// Whether a process is there, and more than a number that nobody has asked for yet.
+fn is_alive(pid: &str) -> bool {
+    let Ok(stat) = fs::read_to_string(format!("/proc/{pid}/stat")) else {
+        return false;
+    };
+    let state = stat.rsplit(") ").next().unwrap_or_default();
+    !state.starts_with(['Z', 'X'])
+}
+
 impl Server {
     /// Starts a server; `settings` as on its command line.
     pub fn start(settings: &str) -> Self {
+        Self::start_on(5432, settings, &[])
+    }
+
+    /// The same, reached at 127.0.0.1 as well, with a certificate and its key, PEM, for TLS. It
+    /// speaks that once its setting `ssl` is on.
+    pub fn start_with_certificate(certificate: &str, key: &str) -> Self {
+        let free = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = free.local_addr().unwrap().port();
+        drop(free);
+        let settings = format!("-c listen_addresses=127.0.0.1 -c port={port}");
+        let files = [("server.crt", certificate), ("server.key", key)];
+        Self::start_on(port, &settings, &files)
+    }
+
+    /// `files` go beside its data.
+    fn start_on(port: u16, settings: &str, files: &[(&str, &str)]) -> Self {
         let bin = programs();
         let folder = tempfile::Builder::new()
             .prefix("brdfarm-postgres")
@@ -112,6 +152,14 @@ impl Server {
             "{}",
             String::from_utf8_lossy(&made.stderr)
         );
+        for (name, text) in files {
+            let path = folder.join("data").join(name);
+            fs::write(&path, text).unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
+            if let Some((user, group)) = user {
+                chown(&path, Some(user), Some(group)).unwrap();
+            }
+        }
         let mut keeper = command(Path::new("/bin/sh"), user)
             .args(["-c", KEEPER, "keeper"])
             .arg(&bin)
@@ -124,6 +172,7 @@ impl Server {
         let orders = keeper.stdin.take();
         let server = Self {
             folder,
+            port,
             keeper,
             orders,
         };
@@ -143,9 +192,10 @@ impl Server {
         }
     }
 
-    fn is_ready(&self) -> bool {
+    /// Whether it takes connections.
+    pub fn is_ready(&self) -> bool {
         let asked = Command::new(programs().join("pg_isready"))
-            .args(["-q", "-h"])
+            .args(["-q", "-p", &self.port.to_string(), "-h"])
             .arg(&self.folder)
             .status();
         asked.unwrap().success()
@@ -154,23 +204,30 @@ impl Server {
     /// Its URL.
     pub fn url(&self) -> String {
         format!(
-            "postgres://brdfarm@/postgres?host={}",
-            self.folder.display()
+            "postgres://brdfarm@/postgres?host={}&port={}",
+            self.folder.display(),
+            self.port
         )
+    }
+
+    /// Its URL at a name of this machine.
+    pub fn url_at(&self, host: &str) -> String {
+        format!("postgres://brdfarm@{host}:{}/postgres", self.port)
     }
 
     /// Kills all its processes, as the loss of its machine does.
     pub fn kill(&self) {
-        let pid = fs::read_to_string(self.folder.join("data/postmaster.pid")).unwrap();
-        let pid = pid.lines().next().unwrap();
+        let file = fs::read_to_string(self.folder.join("data/postmaster.pid")).unwrap();
+        let pid = file.lines().next().unwrap();
+        // Stopped it starts no more of them; one that was left would keep the next server out.
+        signal("STOP", &[pid]);
         let children = fs::read_to_string(format!("/proc/{pid}/task/{pid}/children")).unwrap();
-        // A backend may have ended by itself.
-        let killed = Command::new("kill")
-            .args(["-9", pid])
-            .args(children.split_whitespace())
-            .stderr(Stdio::null())
-            .status();
-        killed.unwrap();
+        let mut all: Vec<&str> = children.split_whitespace().collect();
+        all.push(pid);
+        signal("KILL", &all);
+        while all.iter().any(|pid| is_alive(pid)) {
+            thread::sleep(Duration::from_millis(2));
+        }
     }
 
     /// Starts it again after it was killed.

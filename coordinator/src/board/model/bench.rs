@@ -1,250 +1,32 @@
-//! The suite of every board: random operations, and after each the answers, the states and the
-//! durable records that a simple model has. A restarted board goes on where the one before ended.
+//! Every operation, done to the board and to the model; their answers are equal.
 
 use super::{
-    Board, BoardError, Delivery, JobsOrder, Leased, LocalBoard, Overview, Renewal, Surroundings,
+    MATERIALS, POLICY, Place, WORKERS, id,
+    job::{ModelJob, ModelLease, ModelWorker},
+    name,
+    operation::Operation,
 };
 use crate::{
-    blobs::Blobs,
+    board::{Board, BoardError, Delivery, JobsOrder, Leased, Overview, Renewal},
     completion::Completion,
-    completion_log::CompletionLog,
-    ledger::{BlobPlace, Ledger, LedgerError, SledLedger, memory::MemoryLedger},
-    queue::{
-        BarCause, Changes, Check, Counts, Dispute, Failure, Holder, JobRecord, JobState, Mode,
-        Policy, Queue, Refusal, Selection, Stage, Verdict, WorkerRecord,
-    },
-    token::{Token, WorkerId},
+    queue::{BarCause, Changes, Mode, Refusal, Selection, Stage, Verdict},
+    token::Token,
 };
-use dataset::{CompletedView, Digest, ErrorStatistics};
-use proptest::prelude::*;
 use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::{Path, PathBuf},
+    collections::BTreeSet,
     sync::{Arc, Mutex},
     time::Duration,
 };
-use tempfile::TempDir;
-use tokio::runtime;
 
-pub(crate) const MATERIALS: u32 = 12;
-const WORKERS: u8 = 5;
-pub(crate) const POLICY: Policy = Policy {
-    lease: Duration::from_secs(10),
-    stall: Duration::from_secs(25),
-    deadline: Duration::from_secs(60),
-    workers_failed_max: 3,
-    failures_max: 5,
-    leases_lost_max: 4,
-    leases_per_worker_max: 5,
-    jobs_failed_max: 3,
-    bar: Duration::from_secs(40),
-};
-
-/// Tokens are named by the order they were given out in, so that operations can show old ones.
-#[derive(Clone, Debug)]
-pub(crate) enum Operation {
-    Admit {
-        worker: u8,
-    },
-    Dismiss {
-        worker: u8,
-    },
-    Claim {
-        worker: u8,
-        jobs_max: u32,
-    },
-    Renew {
-        back: usize,
-        views_done: u32,
-    },
-    Complete {
-        back: usize,
-        images: u8,
-        check: bool,
-    },
-    CompleteOther {
-        back: usize,
-        material: u32,
-    },
-    Fail {
-        back: usize,
-    },
-    Release {
-        worker: u8,
-    },
-    ReleaseAll,
-    Wait {
-        seconds: u64,
-    },
-    Restart,
-    RetrySetAside,
-    Retry {
-        materials: Vec<u32>,
-    },
-    Cancel {
-        materials: Vec<u32>,
-    },
-    Prioritize {
-        materials: Vec<u32>,
-        priority: i32,
-    },
-    SetMode {
-        mode: Mode,
-    },
-    Bar {
-        worker: u8,
-    },
-    Unbar {
-        worker: u8,
-    },
-}
-
-pub(crate) fn operation() -> impl Strategy<Value = Operation> {
-    let materials = || prop::collection::vec(0..MATERIALS + 2, 0..4);
-    let mode = prop_oneof![
-        6 => Just(Mode::Running), 1 => Just(Mode::Paused), 1 => Just(Mode::Draining)
-    ];
-    // `back` counts from the newest token: most operations then meet a lease that is alive.
-    prop_oneof![
-        3 => (0..WORKERS).prop_map(|worker| Operation::Admit { worker }),
-        1 => (0..WORKERS).prop_map(|worker| Operation::Dismiss { worker }),
-        8 => (0..WORKERS, 0..4u32)
-            .prop_map(|(worker, jobs_max)| Operation::Claim { worker, jobs_max }),
-        4 => (0..8usize, 0..4u32)
-            .prop_map(|(back, views_done)| Operation::Renew { back, views_done }),
-        7 => (0..12usize, prop_oneof![6 => Just(0u8), 1 => Just(1u8), 1 => Just(2u8)], any::<bool>())
-            .prop_map(|(back, images, check)| Operation::Complete { back, images, check }),
-        1 => (0..6usize, 0..MATERIALS + 2)
-            .prop_map(|(back, material)| Operation::CompleteOther { back, material }),
-        2 => (0..10usize).prop_map(|back| Operation::Fail { back }),
-        1 => (0..WORKERS).prop_map(|worker| Operation::Release { worker }),
-        1 => Just(Operation::ReleaseAll),
-        4 => (0..8u64).prop_map(|seconds| Operation::Wait { seconds }),
-        1 => Just(Operation::Restart),
-        1 => Just(Operation::RetrySetAside),
-        1 => materials().prop_map(|materials| Operation::Retry { materials }),
-        1 => materials().prop_map(|materials| Operation::Cancel { materials }),
-        1 => (materials(), -2..3i32)
-            .prop_map(|(materials, priority)| Operation::Prioritize { materials, priority }),
-        1 => mode.prop_map(|mode| Operation::SetMode { mode }),
-        1 => (0..WORKERS).prop_map(|worker| Operation::Bar { worker }),
-        2 => (0..WORKERS).prop_map(|worker| Operation::Unbar { worker }),
-    ]
-}
-
-/// What is known of a job, told in the plainest way: no indices, every question answered by a
-/// search.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct ModelJob {
-    lease: Option<ModelLease>,
-    // Who says what the job's images are, first, second and third.
-    opinions: Vec<(Digest, u8)>,
-    check_wanted: bool,
-    set_aside: bool,
-    cancelled: bool,
-    priority: i32,
-    failed_on: Vec<u8>,
-    leases_lost: u32,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-struct ModelLease {
-    token: Token,
-    worker: u8,
-    claimed: Duration,
-    expires: Duration,
-    views_done: u32,
-    progressed: Duration,
-}
-
-#[derive(Clone, Debug, Default, PartialEq)]
-struct ModelWorker {
-    present: bool,
-    failed_in_a_row: Vec<u32>,
-    failures: u64,
-    leases_lost: u64,
-    // When it ends, where it ends.
-    bar: Option<(BarCause, Option<Duration>)>,
-}
-
-impl ModelJob {
-    fn is_pending(&self) -> bool {
-        self.lease.is_none() && self.opinions.is_empty() && !self.set_aside && !self.cancelled
-    }
-
-    fn is_disputed(&self) -> bool {
-        self.opinions.len() == 2 && self.opinions[0].0 != self.opinions[1].0
-    }
-
-    fn is_completed(&self) -> bool {
-        !self.opinions.is_empty() && !self.is_disputed()
-    }
-
-    fn wants_opinion(&self) -> bool {
-        self.lease.is_none()
-            && (self.is_disputed() || self.opinions.len() == 1 && self.check_wanted)
-    }
-
-    fn hopeless(&self) -> bool {
-        let workers: BTreeSet<u8> = self.failed_on.iter().copied().collect();
-        workers.len() as u32 >= POLICY.workers_failed_max
-            || self.failed_on.len() as u32 >= POLICY.failures_max
-            || self.leases_lost >= POLICY.leases_lost_max
-    }
-}
-
-/// Where boards are opened, each over what the one before kept.
-#[tonic::async_trait]
-pub(crate) trait Place: Send {
-    /// Opens a board; the one before is gone.
-    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
-
-    /// Tells the board the time.
-    async fn set_time(&mut self, now: Duration);
-
-    /// Whether an operation is told when to look for leases that ran out again.
-    fn knows_next_expiry(&self) -> bool;
-}
-
-struct Bench {
-    board: Option<Arc<dyn Board>>,
-    place: Box<dyn Place>,
-    overview: Arc<Mutex<Overview>>,
-    jobs: Vec<ModelJob>,
-    workers: Vec<ModelWorker>,
-    mode: Mode,
-    tokens: Vec<(Token, u32)>,
-    now: Duration,
-}
-
-fn id(number: u8) -> WorkerId {
-    WorkerId::from_bytes([number; 16])
-}
-
-fn name(number: u8) -> String {
-    format!("w{number}")
-}
-
-/// What a worker says of a material; `images` tells different renderings apart.
-fn completion(material: u32, images: u8) -> Completion {
-    let statistics = ErrorStatistics {
-        mean: 0.1,
-        p95: 0.2,
-        max: 0.3,
-        within_target: 0.9,
-        samples: 64,
-        evaluations: 7,
-    };
-    Completion {
-        material,
-        views: vec![CompletedView {
-            digest: Digest::of(&[material as u8, images]),
-            bytes: 5,
-            statistics,
-        }],
-        seconds: 0.25,
-        worker: String::new(),
-    }
+pub(super) struct Bench {
+    pub board: Option<Arc<dyn Board>>,
+    pub place: Box<dyn Place>,
+    pub overview: Arc<Mutex<Overview>>,
+    pub jobs: Vec<ModelJob>,
+    pub workers: Vec<ModelWorker>,
+    pub mode: Mode,
+    pub tokens: Vec<(Token, u32)>,
+    pub now: Duration,
 }
 
 fn materials(changes: &Changes) -> BTreeSet<u32> {
@@ -266,7 +48,7 @@ fn chosen(materials: &[u32]) -> Option<Selection> {
 }
 
 impl Bench {
-    async fn new(mut place: Box<dyn Place>) -> Self {
+    pub async fn new(mut place: Box<dyn Place>) -> Self {
         let overview = Arc::default();
         place.set_time(Duration::ZERO).await;
         let board = place.open(Arc::clone(&overview)).await;
@@ -282,7 +64,7 @@ impl Bench {
         }
     }
 
-    fn board(&self) -> &dyn Board {
+    pub fn board(&self) -> &dyn Board {
         self.board.as_deref().unwrap()
     }
 
@@ -307,7 +89,7 @@ impl Bench {
             .collect()
     }
 
-    fn able(&self) -> Vec<u8> {
+    pub fn able(&self) -> Vec<u8> {
         let able = |worker: &u8| {
             let worker = &self.workers[*worker as usize];
             worker.present && worker.bar.is_none()
@@ -315,13 +97,13 @@ impl Bench {
         (0..WORKERS).filter(able).collect()
     }
 
-    fn may_judge(&self, worker: u8, job: &ModelJob) -> bool {
+    pub fn may_judge(&self, worker: u8, job: &ModelJob) -> bool {
         job.wants_opinion()
             && job.opinions.iter().all(|(_, by)| *by != worker)
             && !job.failed_on.contains(&worker)
     }
 
-    async fn apply(&mut self, operation: Operation) {
+    pub async fn apply(&mut self, operation: Operation) {
         match operation {
             Operation::Admit { worker } => {
                 let (id, name) = (id(worker), name(worker));
@@ -434,7 +216,7 @@ impl Bench {
         }
     }
 
-    fn held(&self, worker: u8) -> BTreeSet<u32> {
+    pub fn held(&self, worker: u8) -> BTreeSet<u32> {
         self.those(|job| {
             job.lease
                 .as_ref()
@@ -543,7 +325,8 @@ impl Bench {
     }
 
     async fn complete(&mut self, token: Token, material: u32, images: u8, check: bool) {
-        let completion = completion(material, images);
+        // `images` tells different renderings apart.
+        let completion = Completion::sample(material, &[material as u8, images]);
         let fingerprint = completion.fingerprint();
         let delivery = Delivery {
             token,
@@ -740,269 +523,5 @@ impl Bench {
                 *ends = now + POLICY.bar;
             }
         }
-    }
-
-    fn is_finished(&self) -> bool {
-        let left = |job: &ModelJob| job.is_pending() || job.lease.is_some() || job.is_disputed();
-        let able = self.able();
-        let judged = |job: &ModelJob| able.iter().any(|worker| self.may_judge(*worker, job));
-        !self.jobs.iter().any(|job| left(job) || judged(job))
-    }
-
-    async fn check(&self) {
-        let count = |of: fn(&ModelJob) -> bool| self.jobs.iter().filter(|job| of(job)).count();
-        let expected = Counts {
-            materials: MATERIALS,
-            pending: count(ModelJob::is_pending) as u32,
-            leased: count(|job| job.lease.is_some() && job.opinions.is_empty()) as u32,
-            completed: count(ModelJob::is_completed) as u32,
-            disputed: count(ModelJob::is_disputed) as u32,
-            set_aside: count(|job| job.set_aside) as u32,
-            cancelled: count(|job| job.cancelled) as u32,
-            checks: count(|job| {
-                job.opinions.len() == 1 && (job.check_wanted || job.lease.is_some())
-            }) as u32,
-        };
-        let settled = expected.completed + expected.set_aside + expected.cancelled;
-        let left = expected.pending + expected.leased + expected.disputed;
-        assert_eq!(
-            expected.materials,
-            left + settled,
-            "every job is in exactly one state"
-        );
-        self.board().look().await.unwrap();
-        let barred = self.workers.iter().filter(|worker| worker.bar.is_some());
-        let expected = Overview {
-            counts: expected,
-            mode: self.mode,
-            workers_barred: barred.count() as u32,
-            finished: self.is_finished(),
-        };
-        assert_eq!(*self.overview.lock().unwrap(), expected);
-        self.check_records().await;
-        self.check_crew().await;
-    }
-
-    async fn check_crew(&self) {
-        let crew = self.board().crew().await.unwrap();
-        let sessions = crew.sessions.into_iter();
-        let sessions: BTreeMap<WorkerId, (String, u32)> = sessions
-            .map(|session| (session.worker, (session.name, session.held)))
-            .collect();
-        let present = (0..).zip(&self.workers);
-        let present = present.filter(|(_, worker)| worker.present);
-        let expected = present.map(|(number, _)| {
-            let held = self.held(number).len() as u32;
-            (id(number), (name(number), held))
-        });
-        assert_eq!(sessions, expected.collect());
-    }
-
-    /// What is durable is what is, and what is told.
-    async fn check_records(&self) {
-        let all = Selection::default();
-        let page = self.board().jobs(0, 2 * MATERIALS as usize, &all).await;
-        let page = page.unwrap();
-        assert_eq!(page.next, None);
-        let told = page.jobs.into_iter();
-        let told: BTreeMap<u32, (JobRecord, u32)> = told
-            .map(|(material, job, views_done)| (material, (job, views_done)))
-            .collect();
-        let kept = self.board().contents().await.unwrap();
-        let jobs = kept.jobs.into_iter();
-        let jobs: BTreeMap<u32, JobRecord> = jobs.map(|job| (job.material, job.record)).collect();
-        let workers = kept.workers.into_iter();
-        let workers: BTreeMap<String, WorkerRecord> =
-            workers.map(|worker| (worker.name, worker.record)).collect();
-        assert_eq!(kept.mode.unwrap_or_default(), self.mode);
-        for (material, model) in (0..).zip(&self.jobs) {
-            let job = jobs.get(&material).cloned().unwrap_or_default();
-            assert_eq!(job.state, state(model), "material {material}");
-            assert_eq!(job.priority, model.priority);
-            assert_eq!(job.leases_lost, model.leases_lost);
-            let failed_on = |Failure { worker, .. }: &Failure| worker.clone();
-            let failed_on: Vec<String> = job.failures.iter().map(failed_on).collect();
-            let expected: Vec<String> = model.failed_on.iter().map(|by| name(*by)).collect();
-            assert_eq!(failed_on, expected);
-            let views_done = model.lease.as_ref().map_or(0, |lease| lease.views_done);
-            assert_eq!(told.get(&material), Some(&(job, views_done)));
-        }
-        for (number, model) in (0..).zip(&self.workers) {
-            let worker = workers.get(&name(number)).cloned().unwrap_or_default();
-            let failed = worker.failures_in_a_row.iter();
-            let failed: Vec<u32> = failed.map(|failure| failure.material).collect();
-            assert_eq!(failed, model.failed_in_a_row);
-            assert_eq!(worker.failures, model.failures);
-            assert_eq!(worker.leases_lost, model.leases_lost);
-            let cause = worker.bar.as_ref().map(|bar| bar.cause);
-            assert_eq!(cause, model.bar.map(|(cause, _)| cause));
-        }
-    }
-}
-
-fn state(model: &ModelJob) -> JobState {
-    let holder = model.lease.as_ref().map(|lease| Holder {
-        token: lease.token,
-        worker: id(lease.worker),
-        name: name(lease.worker),
-    });
-    match (&model.opinions[..], holder) {
-        ([], _) if model.set_aside => JobState::SetAside,
-        ([], _) if model.cancelled => JobState::Cancelled,
-        ([], None) => JobState::Pending,
-        ([], Some(holder)) => JobState::Leased(holder),
-        ([(fingerprint, by), rest @ ..], holder) => JobState::Completed {
-            fingerprint: *fingerprint,
-            worker: name(*by),
-            check: match (rest, holder) {
-                ([], Some(holder)) => Check::Leased(holder),
-                ([], None) if model.check_wanted => Check::Due,
-                ([], None) => Check::None,
-                ([(other, by), ..], holder) if other != fingerprint => Check::Disputed(Dispute {
-                    fingerprint: *other,
-                    worker: name(*by),
-                    holder,
-                }),
-                _ => Check::Agreed,
-            },
-        },
-    }
-}
-
-/// Does operations on a new board, and checks it after each.
-pub(crate) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
-    let runtime = runtime::Builder::new_current_thread().enable_all().build();
-    runtime.unwrap().block_on(async {
-        let mut bench = Bench::new(place).await;
-        for operation in operations {
-            bench.apply(operation).await;
-            bench.check().await;
-        }
-        bench.board().close();
-    });
-}
-
-/// Settings of a test of `cases` runs.
-pub(crate) fn runs(cases: u32) -> ProptestConfig {
-    ProptestConfig {
-        cases,
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
-/// Boards in this process over one ledger.
-struct LocalPlace {
-    ledger: Kept,
-    folder: TempDir,
-    now: Arc<Mutex<Duration>>,
-}
-
-enum Kept {
-    Memory(Arc<MemoryLedger>),
-    Sled(PathBuf),
-}
-
-/// A sync after every operation takes most of the time and shows nothing: nothing is cut short.
-struct SyncedAtTheEnd(SledLedger);
-
-impl Ledger for SyncedAtTheEnd {
-    fn contents(&self) -> Result<Changes, LedgerError> {
-        self.0.contents()
-    }
-
-    fn apply(&self, changes: &Changes, completions: &[Completion]) -> Result<(), LedgerError> {
-        self.0.apply(changes, completions)
-    }
-
-    fn sync(&self) -> Result<(), LedgerError> {
-        Ok(())
-    }
-
-    fn completion(&self, material: u32) -> Result<Option<Completion>, LedgerError> {
-        self.0.completion(material)
-    }
-
-    fn blob(&self, digest: &Digest) -> Result<Option<BlobPlace>, LedgerError> {
-        self.0.blob(digest)
-    }
-}
-
-impl Drop for SyncedAtTheEnd {
-    fn drop(&mut self) {
-        self.0.sync().unwrap();
-    }
-}
-
-impl LocalPlace {
-    fn new(ledger: impl FnOnce(&Path) -> Kept) -> Box<Self> {
-        // The completion log is synced, which takes time on a disk and proves nothing here.
-        let memory = Path::new("/dev/shm");
-        let folder = if memory.is_dir() {
-            tempfile::tempdir_in(memory)
-        } else {
-            tempfile::tempdir()
-        };
-        let folder = folder.unwrap();
-        Box::new(Self {
-            ledger: ledger(folder.path()),
-            folder,
-            now: Arc::default(),
-        })
-    }
-}
-
-#[tonic::async_trait]
-impl Place for LocalPlace {
-    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board> {
-        let ledger: Arc<dyn Ledger> = match &self.ledger {
-            Kept::Memory(ledger) => Arc::clone(ledger) as Arc<dyn Ledger>,
-            Kept::Sled(path) => Arc::new(SyncedAtTheEnd(SledLedger::open(path).unwrap().0)),
-        };
-        let mut queue = Queue::new(MATERIALS, POLICY);
-        queue.restore(ledger.contents().unwrap(), *self.now.lock().unwrap());
-        let (log, _) = CompletionLog::open(&self.folder.path().join("completions.log")).unwrap();
-        let surroundings = Surroundings::new(Blobs::new(self.folder.path()), move |_, now| {
-            *overview.lock().unwrap() = now;
-        });
-        let clock = Arc::clone(&self.now);
-        Arc::new(LocalBoard::without_thread(
-            queue,
-            log,
-            ledger,
-            Arc::new(surroundings),
-            Box::new(move || *clock.lock().unwrap()),
-        ))
-    }
-
-    async fn set_time(&mut self, now: Duration) {
-        *self.now.lock().unwrap() = now;
-    }
-
-    fn knows_next_expiry(&self) -> bool {
-        true
-    }
-}
-
-proptest! {
-    // 512 runs of 200 to 300 operations: 100,000 and more.
-    #![proptest_config(runs(512))]
-
-    #[test]
-    fn the_board_in_memory_does_what_the_model_does(
-        operations in prop::collection::vec(operation(), 200..300)
-    ) {
-        follow(LocalPlace::new(|_| Kept::Memory(Arc::default())), operations);
-    }
-}
-
-proptest! {
-    #![proptest_config(runs(24))]
-
-    #[test]
-    fn the_board_over_sled_does_what_the_model_does(
-        operations in prop::collection::vec(operation(), 200..300)
-    ) {
-        follow(LocalPlace::new(|path| Kept::Sled(path.join("ledger"))), operations);
     }
 }

@@ -1,0 +1,76 @@
+//! The suite of every board: random operations, and after each the answers, the states and the
+//! durable records that a simple model has. A restarted board goes on where the one before ended.
+
+mod bench;
+mod checks;
+mod job;
+mod local;
+mod operation;
+
+pub(crate) use operation::{Operation, operation};
+
+use super::{Board, Overview};
+use crate::{queue::Policy, token::WorkerId};
+use bench::Bench;
+use proptest::prelude::ProptestConfig;
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
+use tokio::runtime;
+
+pub(crate) const MATERIALS: u32 = 12;
+const WORKERS: u8 = 5;
+pub(crate) const POLICY: Policy = Policy {
+    lease: Duration::from_secs(10),
+    stall: Duration::from_secs(25),
+    deadline: Duration::from_secs(60),
+    workers_failed_max: 3,
+    failures_max: 5,
+    leases_lost_max: 4,
+    leases_per_worker_max: 5,
+    jobs_failed_max: 3,
+    bar: Duration::from_secs(40),
+};
+/// Where boards are opened, each over what the one before kept.
+#[tonic::async_trait]
+pub(crate) trait Place: Send {
+    /// Opens a board; the one before is gone.
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
+
+    /// Tells the board the time.
+    async fn set_time(&mut self, now: Duration);
+
+    /// Whether an operation is told when to look for leases that ran out again.
+    fn knows_next_expiry(&self) -> bool;
+}
+
+fn id(number: u8) -> WorkerId {
+    WorkerId::from_bytes([number; 16])
+}
+
+fn name(number: u8) -> String {
+    format!("w{number}")
+}
+
+/// Does operations on a new board, and checks it after each.
+pub(crate) fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
+    let runtime = runtime::Builder::new_current_thread().enable_all().build();
+    runtime.unwrap().block_on(async {
+        let mut bench = Bench::new(place).await;
+        for operation in operations {
+            bench.apply(operation).await;
+            bench.check().await;
+        }
+        bench.board().close();
+    });
+}
+
+/// Settings of a test of `cases` runs.
+pub(crate) fn runs(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
