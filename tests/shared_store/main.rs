@@ -25,6 +25,7 @@ mod process;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../farm_faults/s3.rs"]
 mod s3;
+mod scale;
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 #[path = "../../coordinator/src/postgres/tests/server.rs"]
