@@ -98,15 +98,17 @@ impl Database {
     /// A pool of connections that are made when they are needed. A password comes from the URL, or
     /// from PGPASSWORD, or from the file that PGPASSFILE names, or from ~/.pgpass.
     pub fn new(url: &str) -> Result<Self, DatabaseError> {
-        let variable = |name: &str| env::var_os(name);
-        let taken = encryption::take(url, variable);
-        let rest = taken.as_ref().map_or(url, |(_, rest)| rest);
-        let mut config = parse(rest)?;
+        let (rest, parameters) = encryption::take(url);
+        let mut config = parse(&rest)?;
         let name = name_of(&config);
-        let (encryption, _) = taken.map_err(|reason| DatabaseError::Encryption {
-            name: name.clone(),
-            reason,
-        })?;
+        let variable = |name: &str| env::var_os(name);
+        let encryption =
+            parameters
+                .encryption(variable)
+                .map_err(|reason| DatabaseError::Encryption {
+                    name: name.clone(),
+                    reason,
+                })?;
         let is_local = |host: &Host| matches!(host, Host::Unix(_));
         config.ssl_mode(if config.get_hosts().iter().all(is_local) {
             SslMode::Disable
@@ -339,11 +341,13 @@ mod tests {
             "postgres://me:se@cret@host/farm",
             "postgres://me:se@cret/et@host/farm",
             "postgres://me:se@x?cret=@host/farm",
-            "postgres://me:secret@host/farm?sslmode=strict",
         ] {
             let error = named(url).unwrap_err().to_string();
             assert!(!error.contains("cret"), "{error}");
         }
+        let error = named("postgres://me:secret@host/farm?sslmode=strict").unwrap_err();
+        let said = "postgres://me@host:5432/farm: sslmode=strict is none of disable, ";
+        assert!(error.to_string().starts_with(said), "{error}");
         let error = named("postgres://host/farm?colour=red").unwrap_err();
         assert!(error.to_string().ends_with("unknown option `colour`"));
     }

@@ -41,72 +41,76 @@ enum Trust {
     Authorities { roots: RootCertStore, names: bool },
 }
 
-/// Takes the parameters about TLS out of a URL: says what they mean, and what is left. `variable`
-/// reads the environment.
-///
-/// # Errors
-/// The sentence that says what is wrong with them.
-pub(super) fn take(
-    url: &str,
-    variable: impl Fn(&str) -> Option<OsString>,
-) -> Result<(Encryption, String), String> {
-    let (rest, mode, authorities) = parameters(url)?;
-    let given = |name| variable(name).filter(|value| !value.is_empty());
-    let of_environment = || given("PGSSLMODE").map(|mode| mode.to_string_lossy().into_owned());
-    let mode = mode.or_else(of_environment);
-    let authorities = authorities
-        .map(OsString::from)
-        .or_else(|| given("PGSSLROOTCERT"));
-    let (mode, trust) = match &authorities {
-        Some(system) if system == "system" => match mode.as_deref() {
-            None | Some("verify-full") => (SslMode::Require, system_authorities()?),
-            Some(other) => {
-                return Err(format!(
-                    "sslmode={other} does not go with sslrootcert=system, where anybody can have a \
-                     certificate: write sslmode=verify-full"
-                ));
-            }
-        },
-        _ => {
-            let usual = given("HOME").map(|home| PathBuf::from(home).join(".postgresql/root.crt"));
-            let usual = usual.filter(|file| file.exists());
-            chosen(
-                mode.as_deref().unwrap_or("prefer"),
-                authorities.map(PathBuf::from).or(usual),
-            )?
-        }
-    };
-    let connector = MakeRustlsConnect::new(configuration(trust)?);
-    Ok((Encryption { mode, connector }, rest))
+/// What a URL says of encryption, as it says it.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct Parameters {
+    mode: Option<String>,
+    authorities: Option<String>,
 }
 
-/// The URL without `sslmode` and `sslrootcert`, and these.
-fn parameters(url: &str) -> Result<(String, Option<String>, Option<String>), String> {
+/// A URL without `sslmode` and `sslrootcert`, and these.
+pub(super) fn take(url: &str) -> (String, Parameters) {
     // A password may have a question mark; what comes after it may not.
     let place = url.find('@').map_or(0, |at| at + 1);
+    let mut taken = Parameters::default();
     let Some(query) = url[place..].find('?').map(|at| place + at) else {
-        return Ok((url.to_owned(), None, None));
+        return (url.to_owned(), taken);
     };
-    let (mut mode, mut authorities) = (None, None);
     let mut others = Vec::new();
     for parameter in url[query + 1..].split('&') {
-        let taken = match parameter.split_once('=') {
-            Some(("sslmode", value)) => (&mut mode, value),
-            Some(("sslrootcert", value)) => (&mut authorities, value),
+        let (name, value) = match parameter.split_once('=') {
+            Some(("sslmode", value)) => (&mut taken.mode, value),
+            Some(("sslrootcert", value)) => (&mut taken.authorities, value),
             _ => {
                 others.push(parameter);
                 continue;
             }
         };
-        let value = percent_encoding::percent_decode_str(taken.1).decode_utf8();
-        let value = value.map_err(|_| "a parameter is no UTF-8".to_owned())?;
-        *taken.0 = Some(value.into_owned());
+        let value = percent_encoding::percent_decode_str(value).decode_utf8_lossy();
+        *name = Some(value.into_owned());
     }
     let rest = match &others[..] {
         [] => url[..query].to_owned(),
         others => format!("{}?{}", &url[..query], others.join("&")),
     };
-    Ok((rest, mode, authorities))
+    (rest, taken)
+}
+
+impl Parameters {
+    /// What they mean. `variable` reads the environment.
+    ///
+    /// # Errors
+    /// The sentence that says what is wrong with them.
+    pub fn encryption(
+        self,
+        variable: impl Fn(&str) -> Option<OsString>,
+    ) -> Result<Encryption, String> {
+        let given = |name| variable(name).filter(|value| !value.is_empty());
+        let of_environment = || given("PGSSLMODE").map(|mode| mode.to_string_lossy().into_owned());
+        let mode = self.mode.or_else(of_environment);
+        let authorities = self.authorities.map(OsString::from);
+        let authorities = authorities.or_else(|| given("PGSSLROOTCERT"));
+        let (mode, trust) = match &authorities {
+            Some(system) if system == "system" => match mode.as_deref() {
+                None | Some("verify-full") => (SslMode::Require, system_authorities()?),
+                Some(other) => {
+                    return Err(format!(
+                        "sslmode={other} does not go with sslrootcert=system, where anybody can \
+                         have a certificate: write sslmode=verify-full"
+                    ));
+                }
+            },
+            _ => {
+                let home = given("HOME").map(PathBuf::from);
+                let usual = home.map(|home| home.join(".postgresql/root.crt"));
+                let usual = usual.filter(|file| file.exists());
+                let mode = mode.as_deref().unwrap_or("prefer");
+                chosen(mode, authorities.map(PathBuf::from).or(usual))?
+            }
+        };
+        let connector = MakeRustlsConnect::new(configuration(trust)?);
+        Ok(Encryption { mode, connector })
+    }
 }
 
 fn chosen(mode: &str, authorities: Option<PathBuf>) -> Result<(SslMode, Trust), String> {
@@ -282,33 +286,33 @@ mod tests {
     const NOWHERE: fn(&str) -> Option<OsString> = |_| None;
 
     fn mode(url: &str) -> Result<SslMode, String> {
-        take(url, NOWHERE).map(|(encryption, _)| encryption.mode)
+        let (_, parameters) = take(url);
+        parameters.encryption(NOWHERE).map(|found| found.mode)
     }
 
     #[test]
     fn parameters_about_tls_are_taken_and_all_others_stay() {
-        let taken = |url| parameters(url).unwrap();
-        let some = |text: &str| Some(text.to_owned());
-        assert_eq!(
-            taken("postgres://me@h/d?sslmode=require&options=-cx%3Dy&sslrootcert=%2Fa%20b"),
+        for (url, rest, mode, authorities) in [
             (
-                "postgres://me@h/d?options=-cx%3Dy".to_owned(),
-                some("require"),
-                some("/a b")
-            )
-        );
-        assert_eq!(
-            taken("postgres://me:a?sslmode=b@h/d?sslmode=disable"),
+                "postgres://me@h/d?sslmode=require&options=-cx%3Dy&sslrootcert=%2Fa%20b",
+                "postgres://me@h/d?options=-cx%3Dy",
+                Some("require"),
+                Some("/a b"),
+            ),
             (
-                "postgres://me:a?sslmode=b@h/d".to_owned(),
-                some("disable"),
-                None
-            )
-        );
-        assert_eq!(
-            taken("postgres:///d"),
-            ("postgres:///d".to_owned(), None, None)
-        );
+                "postgres://me:a?sslmode=b@h/d?sslmode=disable",
+                "postgres://me:a?sslmode=b@h/d",
+                Some("disable"),
+                None,
+            ),
+            ("postgres:///d", "postgres:///d", None, None),
+        ] {
+            let taken = Parameters {
+                mode: mode.map(str::to_owned),
+                authorities: authorities.map(str::to_owned),
+            };
+            assert_eq!(take(url), (rest.to_owned(), taken));
+        }
     }
 
     #[test]
@@ -337,7 +341,8 @@ mod tests {
         );
         // What the URL does not say the environment may.
         let strict = |name: &str| (name == "PGSSLMODE").then(|| "verify-full".into());
-        assert!(take("postgres://h", strict).is_err());
-        assert!(take("postgres://h?sslmode=prefer", strict).is_ok());
+        assert!(take("postgres://h").1.encryption(strict).is_err());
+        let (_, said) = take("postgres://h?sslmode=prefer");
+        assert!(said.encryption(strict).is_ok());
     }
 }

@@ -34,6 +34,8 @@ async fn work(board: Arc<dyn Board>, number: u32, done: Arc<AtomicU64>) {
     let id = worker(number);
     board.admit(id, &format!("w{number}")).await.unwrap();
     loop {
+        // As a coordinator does at each call: who is never heard of is forgotten.
+        assert!(board.name(id).await.unwrap().is_some());
         let leased = board.claim(id, &tokens(1)).await.unwrap();
         for (token, material) in leased.jobs {
             board.complete(delivery(material, token)).await.unwrap();
@@ -142,10 +144,14 @@ async fn three_million_jobs() {
             working.spawn(work(Arc::clone(&board), number, Arc::clone(&done)));
         }
         let began = Instant::now();
+        let mut done_before = 0;
         while began.elapsed() < time {
             let pause = (time - began.elapsed()).min(Duration::from_secs(60));
             tokio::time::sleep(pause).await;
-            let rate = done.load(Ordering::Relaxed) as f64 / began.elapsed().as_secs_f64();
+            let done_now = done.load(Ordering::Relaxed);
+            assert!(done_now > done_before, "nobody works any more");
+            done_before = done_now;
+            let rate = done_now as f64 / began.elapsed().as_secs_f64();
             println!(
                 "{clients} clients, {:.0} s: {rate:.0} claims and as many completions a second; \
                  {} renewals so far\n    {}",
