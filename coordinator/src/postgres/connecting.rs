@@ -222,9 +222,8 @@ pub(super) async fn execute(
 
 /// A database's URL as it may be shown.
 pub(crate) fn without_secrets(url: &str) -> String {
-    let taken = encryption::take(url, |_| None);
-    let rest = taken.as_ref().map_or(url, |(_, rest)| rest);
-    parse(rest).map_or_else(|_| "postgres://...".to_owned(), |config| name_of(&config))
+    let (rest, _) = encryption::take(url);
+    parse(&rest).map_or_else(|_| "postgres://...".to_owned(), |config| name_of(&config))
 }
 
 fn parse(url: &str) -> Result<Config, DatabaseError> {
