@@ -2,7 +2,7 @@
 //!
 //! The farm knows the jobs through this trait alone. [`LocalBoard`] keeps the queue in memory, its
 //! changes in a [`crate::ledger`], and belongs to one process. Whatever implements [`Board`] runs
-//! the transitions of [`crate::queue`] and no others, and is tested by one suite, `model.rs`: random
+//! the transitions of [`crate::queue`] and no others, and is tested by one suite, `model`: random
 //! operations against a simple model, with restarts.
 //!
 //! Architecture invariant: an operation answers when what it changed is durable. Equal operations
