@@ -6,10 +6,21 @@
     reason = "a panic here is a failed test, which says of which input"
 )]
 
-use std::{fs, path::Path};
+use std::{
+    fs,
+    path::Path,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
+
+/// A target writes what it is given to files of its own, as fuzzers run one target on one thread.
+fn alone() -> MutexGuard<'static, ()> {
+    static TARGETS: Mutex<()> = Mutex::new(());
+    TARGETS.lock().unwrap_or_else(PoisonError::into_inner)
+}
 
 #[test]
 fn what_is_sound_is_accepted() {
+    let _alone = alone();
     let seeds = fuzz::seeds();
     for (number, (name, bytes)) in seeds.iter().enumerate() {
         assert!(fuzz::run(name, bytes), "seed {number}, of {name}");
@@ -39,6 +50,7 @@ const INPUT_BYTES_MAX: u64 = 16 << 10;
 
 #[test]
 fn no_input_that_is_kept_fails() {
+    let _alone = alone();
     let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
     for (name, target) in fuzz::TARGETS {
         for input in fs::read_dir(corpus.join(name)).unwrap() {
