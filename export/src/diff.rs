@@ -83,8 +83,7 @@ impl Difference {
     }
 }
 
-/// Compares two sets; each is a store, by its folder or its database's
-/// URL, or a manifest. Memory does not grow with them.
+/// Compares two sets; each is a store, by its folder or its database's URL, or a manifest. Memory does not grow with them.
 ///
 /// # Errors
 /// When either cannot be read, or a manifest is not in order.

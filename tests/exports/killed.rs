@@ -1,5 +1,6 @@
 //! An export killed at any instant goes on with the same command and ends the same.
 
+use crate::folder::files_below;
 use crate::workplace::Workplace;
 use std::collections::BTreeMap;
 use std::fs;
@@ -9,20 +10,12 @@ use std::time::Duration;
 
 /// Every file below a folder with its bytes.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(next).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).unwrap().to_owned();
-                found.insert(name, fs::read(&path).unwrap());
-            }
-        }
-    }
-    found
+    let files = files_below(folder).into_iter();
+    let named = files.map(|path| {
+        let name = path.strip_prefix(folder).unwrap().to_owned();
+        (name, fs::read(&path).unwrap())
+    });
+    named.collect()
 }
 
 #[test]

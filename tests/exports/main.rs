@@ -4,6 +4,9 @@
 
 mod again;
 mod clients;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../folder/mod.rs"]
+mod folder;
 mod killed;
 mod rectified;
 mod upkeep;

@@ -14,7 +14,12 @@ mod bucket;
 mod bucket_scale;
 mod campaign;
 mod corruption;
+#[path = "../draws/mod.rs"]
+mod draws;
 mod faults;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../folder/mod.rs"]
+mod folder;
 mod harness;
 mod liar;
 mod network;

@@ -1,5 +1,6 @@
 //! A real S3 server, `s3s-fs` with its signatures checked, that can be hurt and counts.
 
+use crate::folder::files_below;
 use bytes::Bytes;
 use http_body_util::BodyExt;
 use hyper::body::Incoming;
@@ -129,23 +130,13 @@ impl Server {
 
     /// The files of all objects, by key.
     pub fn objects(&self, prefix: &str) -> Vec<PathBuf> {
-        let mut found = Vec::new();
-        let mut folders = vec![self.root.join(BUCKET).join(prefix)];
-        while let Some(folder) = folders.pop() {
-            let Ok(entries) = fs::read_dir(&folder) else {
-                continue;
-            };
-            for entry in entries {
-                let path = entry.expect("an entry").path();
-                if path.is_dir() {
-                    folders.push(path);
-                } else {
-                    found.push(path);
-                }
-            }
+        // A server makes folders for the objects that it has.
+        let folder = self.root.join(BUCKET).join(prefix);
+        if folder.exists() {
+            files_below(&folder)
+        } else {
+            Vec::new()
         }
-        found.sort();
-        found
     }
 }
 

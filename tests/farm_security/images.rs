@@ -1,6 +1,7 @@
 //! What workers send that is no image, or no name: bombs, other bytes than were named, paths.
 
 use crate::cheap_image::{Cheap, cheap_image};
+use crate::folder::below;
 use crate::place::{MEMORY_MAX, SPECIFICATION, coordinator, memory_bytes, status, succeed};
 use dataset::{Digest, RENDERER_VERSION, Specification};
 use proto::client::{self, Credentials, with_deadline};
@@ -127,23 +128,6 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     assert!(succeed(directory, &work).contains("28 images"));
 }
 
-/// Everything below a folder, as paths.
-fn files_below(folder: &Path) -> Vec<std::path::PathBuf> {
-    let mut files = Vec::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path.clone());
-            }
-            files.push(path);
-        }
-    }
-    files.sort();
-    files
-}
-
 #[tokio::test]
 async fn what_is_sent_never_becomes_a_path() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -153,7 +137,7 @@ async fn what_is_sent_never_becomes_a_path() {
     let nobody = Credentials::default();
     let mut farm = client::farm(&url, &nobody).expect("a client");
     let mut control = client::control(&url, &nobody).expect("a client");
-    let before = files_below(directory);
+    let before = below(directory);
     for path in [
         "../../../../escaped",
         "/tmp/escaped",
@@ -218,7 +202,7 @@ async fn what_is_sent_never_becomes_a_path() {
         refused.expect_err("no material").code(),
         Code::InvalidArgument
     );
-    assert_eq!(files_below(directory), before);
+    assert_eq!(below(directory), before);
     assert!(!Path::new("/tmp/escaped").exists());
     let work = format!("worker connect {url} --backend native --name honest");
     assert!(succeed(directory, &work).contains("28 images"));

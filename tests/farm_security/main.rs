@@ -10,6 +10,9 @@ mod cheap_image;
 
 mod admission;
 mod floods;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../folder/mod.rs"]
+mod folder;
 mod images;
 mod place;
 #[allow(dead_code, reason = "other tests use the rest")]

@@ -1,26 +1,8 @@
 //! The commands below `brdfarm dataset` on a database.
 
+use crate::folder::files_below;
 use crate::place::Place;
 use std::fs;
-use std::path::PathBuf;
-
-/// Files below a folder.
-fn files(folder: PathBuf) -> Vec<PathBuf> {
-    let mut found = Vec::new();
-    let mut folders = vec![folder];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).expect("a folder") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                found.push(path);
-            }
-        }
-    }
-    found.sort();
-    found
-}
 
 #[test]
 fn commands_do_on_a_database_what_they_do_on_a_folder() {
@@ -45,7 +27,7 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     assert!(read("sheet.png") == read("same.png"));
 
     // An image hurt, one gone, and a record that lies about a third.
-    let blobs = files(place.path().join("images/blobs"));
+    let blobs = files_below(&place.path().join("images/blobs"));
     assert_eq!(blobs.len(), 42);
     let before = fs::read(&blobs[7]).expect("an image");
     let mut hurt = before.clone();
@@ -91,7 +73,10 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     place.sql(&store, "DELETE FROM leases");
     let said = place.succeed(&gc);
     assert!(said.contains("removed 1 image"), "{said}");
-    assert_eq!(files(place.path().join("images/blobs")).len(), 42 + 1);
+    assert_eq!(
+        files_below(&place.path().join("images/blobs")).len(),
+        42 + 1
+    );
     drop(coordinator);
 
     // Out, and into another.

@@ -1,42 +1,23 @@
 //! Copies that are cut short at random instants, again and again.
 
 use crate::contents::{self, Contents};
+use crate::draws::{Draws, seed};
 use crate::place::Place;
 use crate::process::Process;
 use crate::s3::Server;
 use std::process::Stdio;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 use std::{fs, thread};
 
 /// In each of three directions.
 const KILLS: u32 = 4;
-
-fn seed() -> u64 {
-    let given = std::env::var("BRDFARM_SEED").ok();
-    let now = || {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        now.expect("after 1970").as_nanos() as u64
-    };
-    let seed = given.map_or_else(now, |seed| seed.parse().expect("BRDFARM_SEED is a number"));
-    println!("BRDFARM_SEED={seed}");
-    seed
-}
-
-/// A fraction drawn at random: SplitMix64.
-fn draw(state: &mut u64) -> f64 {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let mut bits = *state;
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (bits ^ (bits >> 31)) as f64 / u64::MAX as f64
-}
 
 /// Copies `from` into fresh targets, killing the command at random instants, until it was killed
 /// often enough; the last target is let be finished. What `target` gives is a store and options.
 fn interrupt(
     place: &Place,
     from: &str,
-    draws: &mut u64,
+    draws: &mut Draws,
     mut target: impl FnMut() -> (String, String),
 ) -> String {
     let (undisturbed, options) = target();
@@ -49,7 +30,7 @@ fn interrupt(
         let arguments = format!("store migrate {from} {to} {options}");
         let mut command = place.command(&arguments);
         let mut process = Process::spawn(command.stdout(Stdio::null()));
-        thread::sleep(takes.mul_f64(draw(draws)));
+        thread::sleep(takes.mul_f64(draws.below(1000) as f64 / 1000.0));
         if !process.has_ended() {
             process.kill();
             kills += 1;
@@ -77,7 +58,7 @@ fn a_copy_that_is_killed_at_any_instant_goes_on_and_ends_equal() {
     let server = Server::start(&place.path().join("s3"));
     place.environment = server.environment();
     let expected: Contents = contents::make(&place.path().join("first"));
-    let mut draws = seed();
+    let mut draws = Draws(seed());
     let mut number = 0;
     let place = &place;
     let mut next = |options: &str| {

@@ -16,6 +16,11 @@ mod commands;
 #[path = "../../coordinator/tests/store/complete_store.rs"]
 mod complete_store;
 mod contents;
+#[path = "../draws/mod.rs"]
+mod draws;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../folder/mod.rs"]
+mod folder;
 mod interruption;
 mod migration;
 mod place;

@@ -250,6 +250,7 @@ mod tests {
         assert!(matches!(answer.await, Err(CallError::Away(..))));
         assert!(started.elapsed() >= Duration::from_millis(400));
     }
+
     #[tokio::test]
     async fn another_coordinator_is_asked_where_one_fails_and_is_asked_from_then_on() {
         let urls = [1, 2, 3].map(|port| format!("http://127.0.0.1:{port}"));

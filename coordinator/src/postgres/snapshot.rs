@@ -17,11 +17,7 @@ impl Database {
         let looked = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;
-            match schema::standing(&transaction).await? {
-                Standing::Absent => Ok(None),
-                Standing::Older => Err(Fault::Older),
-                Standing::Current => schema::identity(&transaction).await,
-            }
+            identity(&transaction).await
         };
         looked.await.map_err(|fault| self.away(fault))
     }
@@ -45,17 +41,20 @@ impl Database {
             .start()
             .await
             .map_err(|error| away(error.into()))?;
-        let identity = match schema::standing(&transaction).await.map_err(away)? {
-            Standing::Absent => None,
-            Standing::Older => return Err(away(Fault::Older)),
-            Standing::Current => schema::identity(&transaction).await.map_err(away)?,
-        };
-        let checked = check(identity)?;
+        let checked = check(identity(&transaction).await.map_err(away)?)?;
         let mut rows = pin!(stream(&transaction).await.map_err(away)?);
         while let Some(row) = rows.try_next().await.map_err(|error| away(error.into()))? {
             tell(row.get(0))?;
         }
         Ok(checked)
+    }
+}
+
+async fn identity(transaction: &Transaction<'_>) -> Result<Option<Identity>, Fault> {
+    match schema::standing(transaction).await? {
+        Standing::Absent => Ok(None),
+        Standing::Older => Err(Fault::Older),
+        Standing::Current => schema::identity(transaction).await,
     }
 }
 

@@ -1,11 +1,39 @@
 //! Handing jobs out, and taking them back.
 
 use super::{
-    BarCause, Changes, Check, Dispute, Failure, Holder, JobState, LostLease, Mode, Queue, Refusal,
-    unleased,
+    BarCause, Changes, Check, Dispute, Failure, Holder, JobState, Mode, Policy, Queue, Refusal,
 };
 use crate::token::{Token, WorkerId};
 use std::time::Duration;
+
+/// The times of a lease, on the clock that transitions are told.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Lease {
+    /// When it was handed out.
+    pub claimed: Duration,
+    /// When it runs out.
+    pub expires: Duration,
+    /// How many views are rendered, as its holder last said.
+    pub views_done: u32,
+    /// When it last said that there were more.
+    pub progressed: Duration,
+}
+
+impl Lease {
+    /// When it ends whatever its holder says.
+    fn ends(&self, policy: &Policy) -> Duration {
+        (self.progressed + policy.stall).min(self.claimed + policy.deadline)
+    }
+}
+
+/// A lease that was taken back from its holder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LostLease {
+    /// The job.
+    pub material: u32,
+    /// Who held it.
+    pub holder: Holder,
+}
 
 impl Queue {
     /// Leases jobs to `worker`, one for each of `tokens` while there are jobs for it and it has
@@ -237,5 +265,32 @@ fn leased(state: JobState, holder: Holder) -> JobState {
             }
         }
         _ => JobState::Leased(holder),
+    }
+}
+
+/// A leased job's state without its lease.
+pub(crate) fn unleased(state: JobState) -> JobState {
+    match state {
+        JobState::Leased(_) => JobState::Pending,
+        JobState::Completed {
+            fingerprint,
+            worker,
+            check,
+        } => {
+            let check = match check {
+                Check::Leased(_) => Check::Due,
+                Check::Disputed(dispute) => Check::Disputed(Dispute {
+                    holder: None,
+                    ..dispute
+                }),
+                check => check,
+            };
+            JobState::Completed {
+                fingerprint,
+                worker,
+                check,
+            }
+        }
+        state => state,
     }
 }

@@ -29,6 +29,8 @@ mod records;
 mod selection;
 
 pub use judging::{Refusal, Standing, Verdict};
+pub(crate) use leasing::unleased;
+pub use leasing::{Lease, LostLease};
 pub use policy::Policy;
 pub use record::{
     Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
@@ -64,35 +66,6 @@ pub struct Counts {
     pub cancelled: u32,
     /// Of the completed, those that wait to be rendered a second time, or are being so.
     pub checks: u32,
-}
-
-/// The times of a lease, on the clock that transitions are told.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Lease {
-    /// When it was handed out.
-    pub claimed: Duration,
-    /// When it runs out.
-    pub expires: Duration,
-    /// How many views are rendered, as its holder last said.
-    pub views_done: u32,
-    /// When it last said that there were more.
-    pub progressed: Duration,
-}
-
-impl Lease {
-    /// When it ends whatever its holder says.
-    fn ends(&self, policy: &Policy) -> Duration {
-        (self.progressed + policy.stall).min(self.claimed + policy.deadline)
-    }
-}
-
-/// A lease that was taken back from its holder.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct LostLease {
-    /// The job.
-    pub material: u32,
-    /// Who held it.
-    pub holder: Holder,
 }
 
 /// The queue. Of equal priority the lowest material is handed out first, so that a set completes
@@ -387,32 +360,5 @@ impl Queue {
                 self.holdings.remove(&holder.worker);
             }
         }
-    }
-}
-
-/// A leased job's state without its lease.
-pub(crate) fn unleased(state: JobState) -> JobState {
-    match state {
-        JobState::Leased(_) => JobState::Pending,
-        JobState::Completed {
-            fingerprint,
-            worker,
-            check,
-        } => {
-            let check = match check {
-                Check::Leased(_) => Check::Due,
-                Check::Disputed(dispute) => Check::Disputed(Dispute {
-                    holder: None,
-                    ..dispute
-                }),
-                check => check,
-            };
-            JobState::Completed {
-                fingerprint,
-                worker,
-                check,
-            }
-        }
-        state => state,
     }
 }
