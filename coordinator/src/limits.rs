@@ -92,6 +92,9 @@ pub const LEDGER_CACHE_BYTES: u64 = 64 << 20;
 /// Transitions that one group commit makes durable together.
 pub const COMMIT_BATCH_MAX: usize = 1024;
 
+/// How long a store's lock is asked for before somebody else is said to have it.
+pub const STORE_LOCK_WAIT: Duration = Duration::from_secs(1);
+
 /// How long a restart waits for the ledger of a process that is just ending.
 pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
 

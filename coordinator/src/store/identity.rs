@@ -15,10 +15,15 @@ use std::{
     fs::{self, File},
     io::{self, Read, Write},
     path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant},
 };
 
 /// Version of the layout of a store.
 const LAYOUT: u32 = 1;
+
+/// How often the lock is asked for again.
+const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -59,10 +64,17 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
         .write(true)
         .open(&path)
         .map_err(FileError::new("open", &path))?;
-    match flock(&file, FlockOperation::NonBlockingLockExclusive) {
-        Ok(()) => Ok(file),
-        Err(rustix::io::Errno::WOULDBLOCK) => Err(StoreError::Locked(store.to_owned())),
-        Err(error) => Err(FileError::new("lock", &path)(error.into()).into()),
+    let started = Instant::now();
+    loop {
+        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            Ok(()) => return Ok(file),
+            // A process that was being started when the last holder closed it has it until it begins.
+            Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < limits::STORE_LOCK_WAIT => {
+                thread::sleep(LOCK_PAUSE);
+            }
+            Err(rustix::io::Errno::WOULDBLOCK) => return Err(StoreError::Locked(store.to_owned())),
+            Err(error) => return Err(FileError::new("lock", &path)(error.into()).into()),
+        }
     }
 }
 
@@ -341,5 +353,24 @@ fn damaged(path: &Path, reason: impl ToString) -> StoreError {
     StoreError::Damaged {
         path: path.to_owned(),
         reason: reason.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lock_is_waited_for_and_then_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let held = acquire(folder.path()).unwrap();
+        let refused = acquire(folder.path());
+        assert!(matches!(refused, Err(StoreError::Locked(_))));
+        let ending = thread::spawn(move || {
+            thread::sleep(limits::STORE_LOCK_WAIT / 4);
+            drop(held);
+        });
+        assert!(acquire(folder.path()).is_ok());
+        ending.join().unwrap();
     }
 }
