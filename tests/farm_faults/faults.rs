@@ -4,9 +4,13 @@ use crate::harness::{Harness, patience, wait_for};
 use std::fs;
 use std::time::Duration;
 
+/// A lease within which a worker is heard of also on a machine that has much else to do.
+const HEARD_SECONDS: u32 = 10;
+
 #[test]
 fn a_frozen_worker_s_work_goes_to_others_and_what_it_brings_late_changes_nothing() {
     let mut harness = Harness::new(6, 64);
+    harness.lease_seconds = HEARD_SECONDS;
     harness.start();
     let frozen = harness.worker("frozen", &harness.address);
     wait_for("a lease", || harness.status()["leased"] != 0);
@@ -36,13 +40,12 @@ fn a_frozen_worker_s_work_goes_to_others_and_what_it_brings_late_changes_nothing
 #[test]
 fn a_coordinator_that_was_away_costs_nobody_a_lease() {
     let mut harness = Harness::new(4, 256);
-    // Long enough for a worker to be heard of in time on a machine that has much else to do.
-    harness.lease_seconds = 4;
+    harness.lease_seconds = HEARD_SECONDS;
     harness.start();
     let worker = harness.worker("patient", &harness.address);
     wait_for("leases", || harness.status()["leased"] == 2);
     harness.kill_coordinator();
-    std::thread::sleep(Duration::from_secs(6));
+    std::thread::sleep(Duration::from_secs(u64::from(HEARD_SECONDS) + 1));
     harness.start();
     harness.wait_until_finished();
     assert_eq!(harness.status()["set_aside"], 0);
