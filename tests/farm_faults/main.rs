@@ -33,4 +33,5 @@ mod power;
 mod process;
 mod proxy;
 mod replicas;
+#[path = "../s3/mod.rs"]
 mod s3;

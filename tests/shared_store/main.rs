@@ -28,7 +28,7 @@ mod place;
 #[path = "../process/mod.rs"]
 mod process;
 #[allow(dead_code, reason = "other tests use the rest")]
-#[path = "../farm_faults/s3.rs"]
+#[path = "../s3/mod.rs"]
 mod s3;
 mod scale;
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]

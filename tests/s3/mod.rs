@@ -1,5 +1,7 @@
 //! A real S3 server, `s3s-fs` with its signatures checked, that can be hurt and counts.
 
+mod pages;
+
 use crate::folder::files_below;
 use bytes::Bytes;
 use http_body_util::BodyExt;
@@ -8,9 +10,9 @@ use hyper::header::CONTENT_LENGTH;
 use hyper::service::service_fn;
 use hyper::{Method, Request};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use pages::PagedFiles;
 use s3s::auth::SimpleAuth;
 use s3s::service::{S3Service, S3ServiceBuilder};
-use s3s_fs::FileSystem;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
@@ -69,8 +71,7 @@ impl Server {
     pub fn start(root: &Path) -> Self {
         fs::create_dir_all(root.join(BUCKET)).expect("a bucket");
         let service = {
-            let files = FileSystem::new(root).expect("a folder");
-            let mut builder = S3ServiceBuilder::new(files);
+            let mut builder = S3ServiceBuilder::new(PagedFiles::new(root));
             builder.set_auth(SimpleAuth::from_single(KEY, SECRET));
             builder.build()
         };
