@@ -31,6 +31,7 @@ pub mod completion_log;
 mod farm;
 mod file_error;
 pub mod garbage;
+mod group;
 mod hands;
 pub mod ledger;
 pub mod limits;

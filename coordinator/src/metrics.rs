@@ -40,6 +40,7 @@ pub(crate) struct Metrics {
     calls: Family<Label, Histogram>,
     refusals: Family<Label, Counter>,
     render_seconds: Histogram,
+    publication_seconds: Histogram,
     commit_seconds: Histogram,
     commit_transitions: Histogram,
 }
@@ -66,6 +67,7 @@ impl Default for Metrics {
             }),
             refusals: Family::default(),
             render_seconds: long(),
+            publication_seconds: short(),
             commit_seconds: short(),
             commit_transitions: Histogram::new(exponential_buckets(1.0, 2.0, 11)),
         };
@@ -107,6 +109,9 @@ impl Metrics {
         registry.register("errors", help, self.refusals.clone());
         let help = "How long workers rendered one material";
         registry.register_with_unit("render", help, Unit::Seconds, self.render_seconds.clone());
+        let help = "How long it took to make a batch of images durable under their names";
+        let seconds = self.publication_seconds.clone();
+        registry.register_with_unit("publication", help, Unit::Seconds, seconds);
         let help = "How long it took to make a batch of transitions durable";
         let seconds = self.commit_seconds.clone();
         registry.register_with_unit("ledger_commit", help, Unit::Seconds, seconds);
@@ -122,6 +127,10 @@ impl Metrics {
     pub fn note_completion(&self, bytes: u64, render_seconds: f64) {
         self.received_bytes.inc_by(bytes);
         self.render_seconds.observe(render_seconds);
+    }
+
+    pub fn note_publication(&self, time: Duration) {
+        self.publication_seconds.observe(time.as_secs_f64());
     }
 
     pub fn note_commit(&self, time: Duration, transitions: usize) {
@@ -245,6 +254,7 @@ mod tests {
         let metrics = Metrics::default();
         metrics.note_leases(3);
         metrics.note_completion(500, 2.5);
+        metrics.note_publication(Duration::from_millis(9));
         metrics.note_commit(Duration::from_millis(4), 20);
         let second = Duration::from_secs(1);
         metrics.note_call("/brdfarm.v1.Farm/PutBlob", second, None);
@@ -264,6 +274,7 @@ mod tests {
             "brdfarm_store_free_bytes 7.0",
             "brdfarm_jobs{state=\"pending\"} 0",
             "brdfarm_render_seconds_count 1",
+            "brdfarm_publication_seconds_count 1",
             "brdfarm_ledger_commit_seconds_count 1",
             "brdfarm_call_seconds_count{call=\"PutBlob\"} 1",
             "brdfarm_call_seconds_count{call=\"other\"} 1",

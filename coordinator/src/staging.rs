@@ -17,8 +17,18 @@ pub(crate) struct StagedImage {
     pub bytes: u64,
     pub header: ImageHeader,
     pub since: Duration,
-    /// Part of a completion that is on its way to the disk.
-    pub publishing: bool,
+    pub stage: Stage,
+}
+
+/// How far an image is on its way to its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Stage {
+    /// It waits for its completion.
+    Waiting,
+    /// It gets its name.
+    Publishing,
+    /// It has its name, and its completion is about to be recorded.
+    Published,
 }
 
 /// The staged images of one coordinator.
@@ -69,12 +79,14 @@ impl Staging {
         self.images.contains_key(digest)
     }
 
-    /// Marks the images of a completion that are staged and returns their files.
+    /// Marks the images of a completion that have no name yet and returns their files.
     pub fn begin_publishing(&mut self, completion: &Completion) -> Vec<StagedFile> {
         let mut files = Vec::new();
         for view in &completion.views {
-            if let Some(image) = self.images.get_mut(&view.digest) {
-                image.publishing = true;
+            if let Some(image) = self.images.get_mut(&view.digest)
+                && image.stage != Stage::Published
+            {
+                image.stage = Stage::Publishing;
                 files.push(image.file.clone());
             }
         }
@@ -83,15 +95,37 @@ impl Staging {
 
     /// Keeps images that could not be published.
     pub fn not_published(&mut self, files: &[StagedFile]) {
+        self.mark(files, Stage::Waiting);
+    }
+
+    /// Keeps images that have been published until their completion is recorded: whoever reports it
+    /// again need not send them again.
+    pub fn published(&mut self, files: &[StagedFile]) {
+        self.mark(files, Stage::Published);
+    }
+
+    fn mark(&mut self, files: &[StagedFile], stage: Stage) {
         for file in files {
             if let Some(image) = self.images.get_mut(&file.digest) {
-                image.publishing = false;
+                image.stage = stage;
+            }
+        }
+    }
+
+    /// Forgets the images of a completion that have been published.
+    pub fn forget_published(&mut self, completion: &Completion) {
+        for view in &completion.views {
+            if let Entry::Occupied(image) = self.images.entry(view.digest)
+                && image.get().stage == Stage::Published
+            {
+                let image = image.remove();
+                self.release(image.bytes);
             }
         }
     }
 
     /// Forgets images that have been published.
-    pub fn published(&mut self, files: &[StagedFile]) {
+    pub fn forget(&mut self, files: &[StagedFile]) {
         for file in files {
             if let Some(image) = self.images.remove(&file.digest) {
                 self.release(image.bytes);
@@ -99,20 +133,23 @@ impl Staging {
         }
     }
 
-    /// Drops images whose completion never came.
+    /// Drops images whose completion never came. One that has its name keeps it, and is garbage.
     pub fn drop_old(&mut self, now: Duration, blobs: &Blobs) {
         let old: Vec<Digest> = self
             .images
             .iter()
             .filter(|(_, image)| {
-                !image.publishing && now.saturating_sub(image.since) > limits::STAGED_AGE_MAX
+                image.stage != Stage::Publishing
+                    && now.saturating_sub(image.since) > limits::STAGED_AGE_MAX
             })
             .map(|(digest, _)| *digest)
             .collect();
         for digest in old {
             if let Some(image) = self.images.remove(&digest) {
                 self.release(image.bytes);
-                blobs.discard(&image.file);
+                if image.stage == Stage::Waiting {
+                    blobs.discard(&image.file);
+                }
             }
         }
     }

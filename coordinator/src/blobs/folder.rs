@@ -80,6 +80,10 @@ impl Folder {
                 fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
                 renamed = fs::rename(&file.path, &path);
             }
+            // A completion that is reported twice at one time publishes its images twice.
+            if renamed.is_err() && !file.path.exists() && path.exists() {
+                continue;
+            }
             renamed.map_err(FileError::new("rename to", &path))?;
         }
         sync_file_system(&self.root)

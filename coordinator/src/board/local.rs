@@ -9,9 +9,10 @@ use super::{
     Overview, Renewal, Session, Surroundings,
 };
 use crate::{
-    commit::{Committer, Pending, Transition},
+    commit::{Committer, Transition},
     completion_log::CompletionLog,
     file_error::FileError,
+    group::Pending,
     ledger::{BlobPlace, Ledger},
     metrics::Metrics,
     queue::{BarCause, Changes, Mode, Queue, Selection, Standing, Verdict, WorkerChange},
@@ -64,14 +65,15 @@ impl LocalBoard {
     ) -> Result<Self, FileError> {
         let queue = Arc::new(Mutex::new(queue));
         let committed = Arc::clone(&queue);
-        let around = Arc::clone(&surroundings);
+        let (named, around) = (Arc::clone(&surroundings), Arc::clone(&surroundings));
         let committer = Committer::start(
             surroundings.blobs.clone(),
             log,
             Arc::clone(&ledger),
             metrics,
+            move |images| named.staging().published(images),
             move |images| {
-                around.published(images);
+                around.forget(images);
                 let overview = overview(&lock(&committed));
                 around.tell(overview);
             },
@@ -248,6 +250,12 @@ impl Board for LocalBoard {
         } = delivery;
         let material = completion.material;
         let fingerprint = completion.fingerprint();
+        if self.lock().would_record(material, token, fingerprint) {
+            let images = self.surroundings.staging().begin_publishing(&completion);
+            if !images.is_empty() {
+                self.committer.publish(images).durable().await?;
+            }
+        }
         let (judged, pending) = {
             let mut queue = self.lock();
             let holder = queue.holder(material).cloned();
@@ -260,6 +268,7 @@ impl Board for LocalBoard {
             if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder)
             {
                 let mut staging = self.surroundings.staging();
+                staging.forget_published(&completion);
                 transition.images = staging.begin_publishing(&completion);
                 drop(staging);
                 let received = &self.surroundings.bytes_received;

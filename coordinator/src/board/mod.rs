@@ -17,9 +17,9 @@ pub(crate) use local::LocalBoard;
 pub(crate) use surroundings::Surroundings;
 
 use crate::{
-    commit::NotDurable,
     completion::Completion,
     file_error::FileError,
+    group::NotDurable,
     ledger::{BlobPlace, LedgerError},
     queue::{
         BarCause, Changes, Counts, Holder, JobRecord, LostLease, Mode, Refusal, Selection,

@@ -46,9 +46,9 @@ impl Surroundings {
     }
 
     /// Forgets images that have been published.
-    pub fn published(&self, images: &[StagedFile]) {
+    pub fn forget(&self, images: &[StagedFile]) {
         if !images.is_empty() {
-            self.staging().published(images);
+            self.staging().forget(images);
         }
     }
 

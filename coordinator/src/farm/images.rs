@@ -2,8 +2,13 @@
 
 use super::{Farm, FarmError};
 use crate::{
-    acceptance, blobs::Blobs, file_error::FileError, hands::Interrupted, ledger::BlobPlace, limits,
-    staging::StagedImage,
+    acceptance,
+    blobs::Blobs,
+    file_error::FileError,
+    hands::Interrupted,
+    ledger::BlobPlace,
+    limits,
+    staging::{Stage, StagedImage},
 };
 use dataset::Digest;
 use std::sync::Arc;
@@ -78,7 +83,7 @@ impl Farm {
                         bytes: size,
                         header,
                         since: shared.now(),
-                        publishing: false,
+                        stage: Stage::Waiting,
                     };
                     staging.insert(image, &surroundings.blobs);
                     Ok(())

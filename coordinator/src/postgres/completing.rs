@@ -219,7 +219,7 @@ impl Shared {
         let published = task::spawn_blocking(move || {
             let published = surroundings.blobs.publish(images.iter());
             match published {
-                Ok(()) => surroundings.published(&images),
+                Ok(()) => surroundings.forget(&images),
                 Err(_) => surroundings.staging().not_published(&images),
             }
             published

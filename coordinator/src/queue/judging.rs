@@ -84,6 +84,21 @@ impl Queue {
         }
     }
 
+    /// Whether a completion would make its images the job's, as things stand.
+    pub fn would_record(&self, material: u32, token: Token, fingerprint: Digest) -> bool {
+        let standing = self.standing(material, token, fingerprint);
+        standing == Ok(Standing::Current)
+            && match self.state(material) {
+                Some(JobState::Completed {
+                    fingerprint: first,
+                    check: Check::Disputed(second),
+                    ..
+                }) => fingerprint == second.fingerprint && fingerprint != *first,
+                Some(JobState::Completed { .. }) | None => false,
+                Some(_) => true,
+            }
+    }
+
     /// Completes a job, or its second or third rendering. `check` asks for a second rendering of a
     /// first one.
     ///
@@ -100,6 +115,7 @@ impl Queue {
         if self.standing(material, token, fingerprint)? == Standing::Repeated {
             return Ok((Verdict::Repeated, Changes::default()));
         }
+        let records = self.would_record(material, token, fingerprint);
         let state = self.jobs[material].state.clone();
         let Some(name) = state.holder().map(|holder| holder.name.clone()) else {
             unreachable!("current, so there is a holder");
@@ -130,6 +146,8 @@ impl Queue {
             }
         };
         changes.extend(judged);
+        let recorded = matches!(verdict, Verdict::Recorded | Verdict::Overturned(_));
+        debug_assert_eq!(records, recorded, "{verdict:?}");
         Ok((verdict, changes))
     }
 
