@@ -8,5 +8,10 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+# Stores are removed when all is measured, not before the next begins: see the test.
+TMPDIR="$(mktemp -d)"
+export TMPDIR
+trap 'rm -rf "$TMPDIR"' EXIT
+
 cargo test --release --test throughput a_thousand --no-fail-fast -- \
   --ignored --nocapture --test-threads 1
