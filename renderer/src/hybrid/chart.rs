@@ -189,16 +189,15 @@ pub(super) fn patch_across(
     colour: &[f64; 3],
     up: f64,
 ) -> [[f64; 3]; LIGHT_NODES] {
-    let weights = parabola_weights(up);
+    let [a, b, c] = parabola_weights(up);
     let mut across = [[0.0; 3]; LIGHT_NODES];
-    for (line, weight) in light.iter().zip(weights) {
-        for (sum, value) in across.iter_mut().zip(line) {
-            for channel in 0..3 {
-                sum[channel] += weight * value[channel];
-            }
+    for node in 0..LIGHT_NODES {
+        for i in 0..3 {
+            let value = a * light[0][node][i] + b * light[1][node][i] + c * light[2][node][i];
+            across[node][i] = value * colour[i];
         }
     }
-    across.map(|value| std::array::from_fn(|c| value[c] * colour[c]))
+    across
 }
 
 /// The radiance of a patch of reflectance `colour` at a place of 0 to 1 of it along both sides.

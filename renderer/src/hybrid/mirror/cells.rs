@@ -32,8 +32,10 @@ impl Rays {
 }
 
 /// Cells side by side, but for the normal.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub struct Cells {
+    /// Whether the sample covers none of them whole.
+    pub blank: bool,
     /// 1 where the sample covers a cell whole, otherwise 0.
     pub whole: Lanes,
     /// The direction through the middle, and its length.
@@ -45,11 +47,27 @@ pub struct Cells {
     knees: Lanes,
 }
 
+impl Default for Cells {
+    /// No cell yet.
+    fn default() -> Self {
+        Self {
+            blank: true,
+            whole: [0.0; LANES],
+            direction: Default::default(),
+            length: [0.0; LANES],
+            slopes: Default::default(),
+            bends: Default::default(),
+            knees: [0.0; LANES],
+        }
+    }
+}
+
 impl Cells {
     /// Puts a cell in place.
     pub fn set(&mut self, lane: usize, view: &MirroredChart<'_>, whole: bool, direction: Vec3) {
         let to_camera = -direction.normalized();
         let response = view.reflectance.tint_response(to_camera.z);
+        self.blank &= !whole;
         self.whole[lane] = f64::from(u8::from(whole));
         put(&mut self.direction, lane, direction.into());
         self.length[lane] = direction.length();

@@ -20,32 +20,32 @@ kernel! {
         normal: Vec3,
         frame: [Vec3; 3],
     ) -> [[f64; 2]; 2] {
-        let [us, vs] = places.map(|lines| lines.as_chunks_mut::<LANES>().0);
-        let mut low = [[f64::INFINITY; LANES]; 2];
-        let mut high = [[f64::NEG_INFINITY; LANES]; 2];
-        for ((rays, u), v) in rays.iter().zip(us).zip(vs) {
-            let mut place = [[0.0; LANES]; 2];
+        let [us, vs] = places.map(|line| line.as_chunks_mut::<LANES>().0);
+        for ((rays, u), v) in rays.iter().zip(us.iter_mut()).zip(vs.iter_mut()) {
+            let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
+            let mut approaches = [0.0; LANES];
             for i in 0..LANES {
                 let (d, at) = (at_lane(&rays.direction, i), at_lane(&rays.at, i));
                 let twice = 2.0 * (normal.x * d.x + normal.y * d.y + normal.z * d.z);
-                let on = Vec3::new(d.x - twice * normal.x, d.y - twice * normal.y, d.z - twice * normal.z);
+                let on = Vec3::new(
+                    d.x - twice * normal.x,
+                    d.y - twice * normal.y,
+                    d.z - twice * normal.z,
+                );
                 let approach = -(frame[2].x * on.x + frame[2].y * on.y + frame[2].z * on.z);
                 let way = rays.above[i] / approach;
                 let hit = Vec3::new(at.x + way * on.x, at.y + way * on.y, at.z + way * on.z);
-                let a = frame[0].x * hit.x + frame[0].y * hit.y + frame[0].z * hit.z;
-                let b = frame[1].x * hit.x + frame[1].y * hit.y + frame[1].z * hit.z;
-                place[0][i] = if approach > 0.0 { a } else { FAR };
-                place[1][i] = if approach > 0.0 { b } else { FAR };
+                a[i] = frame[0].x * hit.x + frame[0].y * hit.y + frame[0].z * hit.z;
+                b[i] = frame[1].x * hit.x + frame[1].y * hit.y + frame[1].z * hit.z;
+                approaches[i] = approach;
             }
-            for axis in 0..2 {
-                for i in 0..LANES {
-                    low[axis][i] = low[axis][i].min(place[axis][i]);
-                    high[axis][i] = high[axis][i].max(place[axis][i]);
-                }
+            // In a loop of its own: otherwise loads wait for the comparison.
+            for i in 0..LANES {
+                u[i] = if approaches[i] > 0.0 { a[i] } else { FAR };
+                v[i] = if approaches[i] > 0.0 { b[i] } else { FAR };
             }
-            (*u, *v) = (place[0], place[1]);
         }
-        [[least(&low[0]), largest(&high[0])], [least(&low[1]), largest(&high[1])]]
+        [extent(us), extent(vs)]
     }
 }
 
@@ -83,35 +83,69 @@ kernel! {
                 spans.extend(axis, &low[axis], &high[axis]);
             }
 
-            // The first and last patches of a cell along either axis; none for what is left out.
-            let (mut first, mut last) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
-            let mut corner = [0.0; LANES];
-            for i in 0..LANES {
-                let f = [floor_within(low[0][i], 0.0, counts[0] - 1.0), floor_within(low[1][i], 0.0, counts[1] - 1.0)];
-                let l = [floor_within(high[0][i], f[0], counts[0] - 1.0), floor_within(high[1][i], f[1], counts[1] - 1.0)];
-                let seen = (cells.whole[i] > 0.0)
-                    & (high[0][i] > 0.0) & (low[0][i] < counts[0])
-                    & (high[1][i] > 0.0) & (low[1][i] < counts[1]);
-                let within = [
-                    (low[0][i] >= f[0]) & (high[0][i] < f[0] + 1.0),
-                    (low[1][i] >= f[1]) & (high[1][i] < f[1] + 1.0),
-                ];
-                let even = within[0] | within[1];
-                corner[i] = if seen & !even { 1.0 } else { 0.0 };
-                let live = seen & even;
-                first[0][i] = if live { f[0] } else { f64::INFINITY };
-                first[1][i] = if live { f[1] } else { f64::INFINITY };
-                last[0][i] = if live { l[0] } else { -1.0 };
-                last[1][i] = if live { l[1] } else { -1.0 };
-            }
-            if largest(&corner) > 0.0 {
-                rest.extend((0..LANES).filter(|&i| corner[i] > 0.0).map(|i| LANES * block + i));
-            }
-            let ends = [largest(&last[0]), largest(&last[1])];
-            if ends[0] < 0.0 {
+            if cells.blank {
                 continue;
             }
-            let starts = [least(&first[0]), least(&first[1])];
+            let block_low = [least(&low[0]), least(&low[1])];
+            let block_high = [largest(&high[0]), largest(&high[1])];
+            if (block_high[0] <= 0.0)
+                | (block_low[0] >= counts[0])
+                | (block_high[1] <= 0.0)
+                | (block_low[1] >= counts[1])
+            {
+                continue;
+            }
+            let mut starts = [
+                floor_within(block_low[0], 0.0, counts[0] - 1.0),
+                floor_within(block_low[1], 0.0, counts[1] - 1.0),
+            ];
+            let mut ends = starts;
+            // Most often one patch shows in all of the cells.
+            let alike = (block_low[0] >= starts[0])
+                & (block_high[0] < starts[0] + 1.0)
+                & (block_low[1] >= starts[1])
+                & (block_high[1] < starts[1] + 1.0);
+
+            // The first and last patches of a cell along either axis; none for what is left out.
+            let (mut first, mut last) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2]);
+            if !alike {
+                let mut corner = [0.0; LANES];
+                for i in 0..LANES {
+                    let f = [
+                        floor_within(low[0][i], 0.0, counts[0] - 1.0),
+                        floor_within(low[1][i], 0.0, counts[1] - 1.0),
+                    ];
+                    let l = [
+                        floor_within(high[0][i], f[0], counts[0] - 1.0),
+                        floor_within(high[1][i], f[1], counts[1] - 1.0),
+                    ];
+                    let seen = (cells.whole[i] > 0.0)
+                        & (high[0][i] > 0.0)
+                        & (low[0][i] < counts[0])
+                        & (high[1][i] > 0.0)
+                        & (low[1][i] < counts[1]);
+                    let even = ((low[0][i] >= f[0]) & (high[0][i] < f[0] + 1.0))
+                        | ((low[1][i] >= f[1]) & (high[1][i] < f[1] + 1.0));
+                    corner[i] = if seen & !even { 1.0 } else { 0.0 };
+                    let live = seen & even;
+                    first[0][i] = if live { f[0] } else { f64::INFINITY };
+                    first[1][i] = if live { f[1] } else { f64::INFINITY };
+                    last[0][i] = if live { l[0] } else { -1.0 };
+                    last[1][i] = if live { l[1] } else { -1.0 };
+                }
+                if largest(&corner) > 0.0 {
+                    for i in 0..LANES {
+                        if corner[i] > 0.0 {
+                            rest.push(LANES * block + i);
+                        }
+                    }
+                }
+                ends = [largest(&last[0]), largest(&last[1])];
+                if ends[0] < 0.0 {
+                    continue;
+                }
+                starts = [least(&first[0]), least(&first[1])];
+            }
 
             let mut tint = [[0.0; LANES]; 3];
             for i in 0..LANES {
@@ -123,30 +157,30 @@ kernel! {
                 for column in starts[0] as u32..=ends[0] as u32 {
                     let patch = [f64::from(column), f64::from(row)];
                     let mut area = [0.0; LANES];
-                    let mut cut = [[0.0; LANES]; 2];
-                    for i in 0..LANES {
-                        let on = (patch[0] >= first[0][i]) & (patch[0] <= last[0][i])
-                            & (patch[1] >= first[1][i]) & (patch[1] <= last[1][i]);
-                        let inside = [
-                            (low[0][i] >= patch[0]) & (high[0][i] <= patch[0] + 1.0),
-                            (low[1][i] >= patch[1]) & (high[1][i] <= patch[1] + 1.0),
-                        ];
-                        area[i] = if on & inside[0] & inside[1] { cell_area } else { 0.0 };
-                        cut[0][i] = if on & !inside[0] { 1.0 } else { 0.0 };
-                        cut[1][i] = if on & !inside[1] { 1.0 } else { 0.0 };
-                    }
-                    for axis in 0..2 {
-                        if largest(&cut[axis]) <= 0.0 {
-                            continue;
-                        }
+                    if alike {
                         for i in 0..LANES {
-                            let place = Affine {
-                                middle: middle[axis][i],
-                                across: across[axis][i],
-                                down: down[axis][i],
-                            };
-                            let strip = place.share_of_unit(patch[axis]) * cell_side * cell_side;
-                            area[i] = if cut[axis][i] > 0.0 { strip } else { area[i] };
+                            area[i] = if cells.whole[i] > 0.0 { cell_area } else { 0.0 };
+                        }
+                    } else {
+                        for i in 0..LANES {
+                            let on = (patch[0] >= first[0][i])
+                                & (patch[0] <= last[0][i])
+                                & (patch[1] >= first[1][i])
+                                & (patch[1] <= last[1][i]);
+                            area[i] = if on { cell_area } else { 0.0 };
+                        }
+                        for axis in 0..2 {
+                            for i in 0..LANES {
+                                let place = Affine {
+                                    middle: middle[axis][i],
+                                    across: across[axis][i],
+                                    down: down[axis][i],
+                                };
+                                let strip = place.share_of_unit(patch[axis]) * cell_side * cell_side;
+                                let inside = (low[axis][i] >= patch[axis])
+                                    & (high[axis][i] <= patch[axis] + 1.0);
+                                area[i] = if inside | (area[i] == 0.0) { area[i] } else { strip };
+                            }
                         }
                     }
                     let index = chart.patch(column, row);
@@ -185,17 +219,33 @@ fn floor_within(x: f64, least: f64, most: f64) -> f64 {
     if nearest > x { nearest - 1.0 } else { nearest }
 }
 
+/// The least and the largest of a line.
+#[inline(always)]
+fn extent(line: &[Lanes]) -> [f64; 2] {
+    let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
+    for block in line {
+        for i in 0..LANES {
+            low[i] = if block[i] < low[i] { block[i] } else { low[i] };
+            high[i] = if block[i] > high[i] {
+                block[i]
+            } else {
+                high[i]
+            };
+        }
+    }
+    [least(&low), largest(&high)]
+}
+
 #[inline(always)]
 fn least(values: &Lanes) -> f64 {
-    values.iter().fold(
-        f64::INFINITY,
-        |least, &value| if value < least { value } else { least },
-    )
+    let [a, b, c, d, e, f, g, h] = *values;
+    let less = |a: f64, b: f64| if a < b { a } else { b };
+    less(less(less(a, e), less(b, f)), less(less(c, g), less(d, h)))
 }
 
 #[inline(always)]
 fn largest(values: &Lanes) -> f64 {
-    values.iter().fold(f64::NEG_INFINITY, |largest, &value| {
-        if value > largest { value } else { largest }
-    })
+    let [a, b, c, d, e, f, g, h] = *values;
+    let more = |a: f64, b: f64| if a > b { a } else { b };
+    more(more(more(a, e), more(b, f)), more(more(c, g), more(d, h)))
 }

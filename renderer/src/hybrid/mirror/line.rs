@@ -40,6 +40,7 @@ pub struct Line<'a> {
 struct Part {
     pixel: usize,
     covered: Polygon,
+    area: f64,
 }
 
 impl<'a> Line<'a> {
@@ -86,7 +87,12 @@ impl<'a> Line<'a> {
                 let covered = view.outline.clipped(&cell);
                 let whole = view.outline.contains(&cell);
                 if !whole && !covered.is_empty() {
-                    line.parts[phase].push(Part { pixel, covered });
+                    let area = covered.area();
+                    line.parts[phase].push(Part {
+                        pixel,
+                        covered,
+                        area,
+                    });
                 }
                 let direction = start + step * index(entry) as f64;
                 line.cells[entry / LANES].set(entry % LANES, view, whole, direction);
@@ -156,7 +162,7 @@ impl<'a> Line<'a> {
                 self.add(normal, phase, pixel, None, sums);
             }
             for part in &self.parts[phase] {
-                self.add(normal, phase, part.pixel, Some(&part.covered), sums);
+                self.add(normal, phase, part.pixel, Some(part), sums);
             }
             self.rest = rest;
         }
@@ -168,7 +174,7 @@ impl<'a> Line<'a> {
         normal: Vec3,
         phase: usize,
         pixel: usize,
-        covered: Option<&Polygon>,
+        part: Option<&Part>,
         sums: &mut [[[f64; LANES]; 3]],
     ) {
         let chart = self.view.chart;
@@ -200,12 +206,12 @@ impl<'a> Line<'a> {
                 let inside: [bool; 2] = std::array::from_fn(|axis| {
                     low[axis] >= patch[axis] && high[axis] <= patch[axis] + 1.0
                 });
-                let area = match (covered, inside) {
+                let area = match (part, inside) {
                     (None, [true, true]) => self.cell_side * self.cell_side,
                     (None, [false, true]) => self.strip(places[0], patch[0]),
                     (None, [true, false]) => self.strip(places[1], patch[1]),
-                    (Some(polygon), [true, true]) => polygon.area(),
-                    _ => self.part(phase, pixel, covered, &places, patch),
+                    (Some(part), [true, true]) => part.area,
+                    _ => self.part(phase, pixel, part, &places, patch),
                 };
                 if area <= 0.0 {
                     continue;
@@ -231,22 +237,20 @@ impl<'a> Line<'a> {
         &self,
         phase: usize,
         pixel: usize,
-        covered: Option<&Polygon>,
+        part: Option<&Part>,
         places: &[Affine; 2],
         patch: [f64; 2],
     ) -> f64 {
         let cell = self.cell(phase, pixel);
-        let mut part = covered
-            .copied()
-            .unwrap_or_else(|| Polygon::rectangle(&cell));
+        let mut polygon = part.map_or_else(|| Polygon::rectangle(&cell), |part| part.covered);
         for (place, from) in places.iter().zip(patch) {
             let above = |[column, row]: [f64; 2]| {
                 let x = (column - cell.low[0]) / self.cell_side - 0.5;
                 let y = (row - cell.low[1]) / self.cell_side - 0.5;
                 place.middle + place.across * x + place.down * y - from
             };
-            part = part.cut(above).cut(|point| 1.0 - above(point));
+            polygon = polygon.cut(above).cut(|point| 1.0 - above(point));
         }
-        part.area()
+        polygon.area()
     }
 }
