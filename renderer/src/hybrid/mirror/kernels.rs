@@ -13,17 +13,17 @@ const FAR: f64 = -1e9;
 
 kernel! {
     /// Where `rays`, mirrored by `normal`, meet the panel, in patches from its corner; returns the
-    /// least and the largest along either axis. `frame` holds the panel's axes over its pitch.
+    /// least and the largest along either axis, lane by lane. `frame` holds the panel's axes over
+    /// its pitch.
     pub fn meet(
         rays: &[Rays],
         places: [&mut [f64]; 2],
         normal: Vec3,
         frame: [Vec3; 3],
-    ) -> [[f64; 2]; 2] {
+    ) -> [[Lanes; 2]; 2] {
         let [us, vs] = places.map(|line| line.as_chunks_mut::<LANES>().0);
         for ((rays, u), v) in rays.iter().zip(us.iter_mut()).zip(vs.iter_mut()) {
             let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
-            let mut approaches = [0.0; LANES];
             for i in 0..LANES {
                 let (d, at) = (at_lane(&rays.direction, i), at_lane(&rays.at, i));
                 let twice = 2.0 * (normal.x * d.x + normal.y * d.y + normal.z * d.z);
@@ -35,15 +35,12 @@ kernel! {
                 let approach = -(frame[2].x * on.x + frame[2].y * on.y + frame[2].z * on.z);
                 let way = rays.above[i] / approach;
                 let hit = Vec3::new(at.x + way * on.x, at.y + way * on.y, at.z + way * on.z);
-                a[i] = frame[0].x * hit.x + frame[0].y * hit.y + frame[0].z * hit.z;
-                b[i] = frame[1].x * hit.x + frame[1].y * hit.y + frame[1].z * hit.z;
-                approaches[i] = approach;
+                let along = frame[0].x * hit.x + frame[0].y * hit.y + frame[0].z * hit.z;
+                let up = frame[1].x * hit.x + frame[1].y * hit.y + frame[1].z * hit.z;
+                a[i] = if approach > 0.0 { along } else { FAR };
+                b[i] = if approach > 0.0 { up } else { FAR };
             }
-            // In a loop of its own: otherwise loads wait for the comparison.
-            for i in 0..LANES {
-                u[i] = if approaches[i] > 0.0 { a[i] } else { FAR };
-                v[i] = if approaches[i] > 0.0 { b[i] } else { FAR };
-            }
+            (*u, *v) = (a, b);
         }
         [extent(us), extent(vs)]
     }
@@ -219,9 +216,9 @@ fn floor_within(x: f64, least: f64, most: f64) -> f64 {
     if nearest > x { nearest - 1.0 } else { nearest }
 }
 
-/// The least and the largest of a line.
+/// The least and the largest of a line, lane by lane.
 #[inline(always)]
-fn extent(line: &[Lanes]) -> [f64; 2] {
+fn extent(line: &[Lanes]) -> [Lanes; 2] {
     let (mut low, mut high) = ([f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]);
     for block in line {
         for i in 0..LANES {
@@ -233,7 +230,7 @@ fn extent(line: &[Lanes]) -> [f64; 2] {
             };
         }
     }
-    [least(&low), largest(&high)]
+    [low, high]
 }
 
 #[inline(always)]

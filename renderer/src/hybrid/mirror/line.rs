@@ -122,7 +122,8 @@ impl<'a> Line<'a> {
         for ((rays, u), v) in self.rays.iter().zip(u).zip(v) {
             let found = meet(self.view.instructions, rays, [u, v], normal, frame);
             for (ends, [low, high]) in ends.iter_mut().zip(found) {
-                *ends = [ends[0].min(low), ends[1].max(high)];
+                ends[0] = low.into_iter().fold(ends[0], f64::min);
+                ends[1] = high.into_iter().fold(ends[1], f64::max);
             }
         }
         ends
