@@ -169,6 +169,21 @@ impl<'a> Line<'a> {
         }
     }
 
+    /// Where on the chart a cell shows, along either axis.
+    fn places(&self, phase: usize, pixel: usize) -> [Affine; 2] {
+        let entry = phase * self.stride + pixel;
+        let right = if phase + 1 < self.phases {
+            entry + self.stride
+        } else {
+            pixel + 1
+        };
+        let place = |axis: usize| {
+            let [above, below] = &self.corners[axis];
+            Affine::through([above[entry], above[right], below[entry], below[right]])
+        };
+        [place(0), place(1)]
+    }
+
     /// Adds what one cell mirrors, whole or covered in part.
     fn add(
         &self,
@@ -180,16 +195,9 @@ impl<'a> Line<'a> {
     ) {
         let chart = self.view.chart;
         let entry = phase * self.stride + pixel;
-        let right = if phase + 1 < self.phases {
-            entry + self.stride
-        } else {
-            pixel + 1
-        };
-        let places = self.corners.each_ref().map(|[above, below]| {
-            Affine::through([above[entry], above[right], below[entry], below[right]])
-        });
-        let low = places.map(Affine::low);
-        let high = places.map(Affine::high);
+        let places = self.places(phase, pixel);
+        let low = [places[0].low(), places[1].low()];
+        let high = [places[0].high(), places[1].high()];
         let counts = [chart.panel.columns, chart.panel.rows].map(f64::from);
         if (0..2).any(|axis| high[axis] <= 0.0 || low[axis] >= counts[axis]) {
             return;
@@ -217,7 +225,10 @@ impl<'a> Line<'a> {
                 if area <= 0.0 {
                     continue;
                 }
-                let at = [0, 1].map(|axis| place_on(low[axis], high[axis], patch[axis]));
+                let at = [
+                    place_on(low[0], high[0], patch[0]),
+                    place_on(low[1], high[1], patch[1]),
+                ];
                 let index = chart.patch(column, row);
                 let light = patch_at(&chart.light[index], &chart.patches[index], at);
                 let sums = &mut sums[pixel / LANES];
@@ -253,5 +264,107 @@ impl<'a> Line<'a> {
             polygon = polygon.cut(above).cut(|point| 1.0 - above(point));
         }
         polygon.area()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::{Stage, mirror::span::Span};
+    use crate::instructions::Instructions;
+    use crate::reflectance::Reflectance;
+    use crate::scene::Scene;
+    use dataset::{HARD_CASES, Specification};
+
+    /// Sums and spans of a line's pixels.
+    type Found = Vec<([[u64; 3]; LANES], [Span; LANES])>;
+
+    fn found(sums: &[[[f64; LANES]; 3]], spans: &[Spans]) -> Found {
+        let lanes = |sums: &[[f64; LANES]; 3], lane: usize| sums.map(|sum| sum[lane].to_bits());
+        sums.iter()
+            .zip(spans)
+            .map(|(sums, spans)| {
+                (
+                    std::array::from_fn(|lane| lanes(sums, lane)),
+                    std::array::from_fn(|lane| spans.of(lane)),
+                )
+            })
+            .collect()
+    }
+
+    #[test]
+    fn the_kernel_adds_what_cells_add_one_by_one_on_every_instruction_set() {
+        const COLUMNS: Range<u32> = 4..124;
+        const BLOCKS: usize = 15;
+        let specification = Specification::preset();
+        let scene = Scene::new(&specification, 5, BackendChoice::Native);
+        let scene = scene.expect("a view").expect("a scene");
+        let stage = Stage::new(&scene, &specification).expect("a stage");
+        let panel = stage.panel.as_ref().expect("a chart");
+        let chart = panel.lit(|[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
+        // A sheet of a lobe: its normals lead all over the chart and beside it.
+        let material = HARD_CASES[2].material;
+        let reflectance = Reflectance::new(&material, 0.0, specification.tint);
+        let normals: Vec<Vec3> = (0..40)
+            .map(|i| {
+                let turn = (f64::from(i) * 0.618_034).fract().max(1e-3);
+                reflectance.lobe.sample([turn, (f64::from(i) + 0.5) / 40.0])
+            })
+            .collect();
+        let (mut cut, mut lit) = (0, 0);
+        for instructions in Instructions::available() {
+            let view = MirroredChart {
+                chart: &chart,
+                reflectance: &reflectance,
+                camera: &stage.camera,
+                outline: &stage.sample,
+                accuracy: &stage.chart_accuracy,
+                key: 1,
+                instructions,
+            };
+            for (cells, top) in [(1, 40.0), (1, 64.0), (1, 87.0), (3, 60.0)] {
+                let mut line = Line::new(&view, top, COLUMNS, cells);
+                let sums = vec![[[0.0; LANES]; 3]; BLOCKS];
+                let spans = vec![Spans::default(); BLOCKS];
+                let (mut together, mut together_spans) = (sums.clone(), spans.clone());
+                let (mut alone, mut alone_spans) = (sums, spans);
+                for normal in &normals {
+                    line.mirror(*normal);
+                    line.shine(*normal, &mut together, &mut together_spans);
+                    for phase in 0..line.phases {
+                        for pixel in 0..COLUMNS.len() {
+                            let (block, lane) = (pixel / LANES, pixel % LANES);
+                            let places = line.places(phase, pixel);
+                            for axis in 0..2 {
+                                let mut ends = [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]];
+                                ends[0][lane] = places[axis].low();
+                                ends[1][lane] = places[axis].high();
+                                alone_spans[block].extend(axis, &ends[0], &ends[1]);
+                            }
+                            let cell = &line.cells[(phase * line.stride + pixel) / LANES];
+                            let part = line.parts[phase].iter().find(|part| part.pixel == pixel);
+                            let parted =
+                                |place: Affine| place.low().floor() != place.high().floor();
+                            cut += usize::from(places.into_iter().any(parted));
+                            if cell.whole[lane] > 0.0 || part.is_some() {
+                                line.add(*normal, phase, pixel, part, &mut alone);
+                            }
+                        }
+                    }
+                }
+                let (together, alone) = (
+                    found(&together, &together_spans),
+                    found(&alone, &alone_spans),
+                );
+                assert_eq!(together, alone, "{instructions}, {cells} cells, row {top}");
+                let shown = together.iter().flat_map(|(sums, _)| sums);
+                lit += shown.filter(|sum| **sum != [0; 3]).count();
+            }
+        }
+        assert!(
+            cut > 1000 && lit > 200,
+            "{cut} cells on edges, {lit} pixels lit"
+        );
     }
 }

@@ -7,7 +7,7 @@ use crate::hybrid::chart::Panel;
 const BEYOND: f64 = 0.2;
 
 /// Where on the chart, in patches from its corner, all normals of a pixel lead.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Span {
     low: [f64; 2],
     high: [f64; 2],
