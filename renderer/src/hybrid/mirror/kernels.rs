@@ -47,19 +47,20 @@ kernel! {
 }
 
 kernel! {
-    /// Adds to the pixels' sums what cells, one of each, mirror; but what is on none, and appends to
-    /// `rest` those that lie on a corner of patches. `corners` holds along either axis the places
-    /// that [`meet`] found: upper left, upper right, lower left, lower right.
+    /// Adds to the sums of `pixels` what cells, one of each, mirror, and extends their spans; appends
+    /// to `rest` the cells left out, those on corners of patches. `corners` holds along either axis
+    /// the places that [`meet`] found: upper left, upper right, lower left, lower right. `optics` is
+    /// the normal, the index of refraction and the cells' side.
     pub fn shine(
         chart: &LitChart,
         optics: (Vec3, f64, f64),
         cells: &[Cells],
         corners: [[&[f64]; 4]; 2],
-        sums: &mut [[Lanes; 3]],
-        spans: &mut [Spans],
+        pixels: (&mut [[Lanes; 3]], &mut [Spans]),
         rest: &mut Vec<usize>,
     ) {
         let (normal, ior, cell_side) = optics;
+        let (sums, spans) = pixels;
         let corners = corners.map(|axis| axis.map(|line| line.as_chunks::<LANES>().0));
         let counts = [f64::from(chart.panel.columns), f64::from(chart.panel.rows)];
         let cell_area = cell_side * cell_side;
@@ -131,10 +132,8 @@ kernel! {
                     last[1][i] = if live { l[1] } else { -1.0 };
                 }
                 if largest(&corner) > 0.0 {
-                    for i in 0..LANES {
-                        if corner[i] > 0.0 {
-                            rest.push(LANES * block + i);
-                        }
+                    for (i, _) in corner.iter().enumerate().filter(|(_, corner)| **corner > 0.0) {
+                        rest.push(LANES * block + i);
                     }
                 }
                 ends = [largest(&last[0]), largest(&last[1])];
@@ -145,6 +144,8 @@ kernel! {
             }
 
             let mut tint = [[0.0; LANES]; 3];
+            // As arrays of channels: the compiler turns no other form into vectors.
+            #[allow(clippy::needless_range_loop)]
             for i in 0..LANES {
                 let [red, green, blue] = cells.tint(i, normal, ior);
                 (tint[0][i], tint[1][i], tint[2][i]) = (red, green, blue);
@@ -155,8 +156,8 @@ kernel! {
                     let patch = [f64::from(column), f64::from(row)];
                     let mut area = [0.0; LANES];
                     if alike {
-                        for i in 0..LANES {
-                            area[i] = if cells.whole[i] > 0.0 { cell_area } else { 0.0 };
+                        for (area, &whole) in area.iter_mut().zip(&cells.whole) {
+                            *area = if whole > 0.0 { cell_area } else { 0.0 };
                         }
                     } else {
                         for i in 0..LANES {

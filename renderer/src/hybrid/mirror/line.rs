@@ -155,8 +155,7 @@ impl<'a> Line<'a> {
                 optics,
                 &self.cells[from / LANES..],
                 corners,
-                sums,
-                spans,
+                (&mut *sums, &mut *spans),
                 &mut rest,
             );
             for pixel in rest.drain(..) {
@@ -336,10 +335,10 @@ mod tests {
                         for pixel in 0..COLUMNS.len() {
                             let (block, lane) = (pixel / LANES, pixel % LANES);
                             let places = line.places(phase, pixel);
-                            for axis in 0..2 {
+                            for (axis, place) in places.into_iter().enumerate() {
                                 let mut ends = [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]];
-                                ends[0][lane] = places[axis].low();
-                                ends[1][lane] = places[axis].high();
+                                ends[0][lane] = place.low();
+                                ends[1][lane] = place.high();
                                 alone_spans[block].extend(axis, &ends[0], &ends[1]);
                             }
                             let cell = &line.cells[(phase * line.stride + pixel) / LANES];
