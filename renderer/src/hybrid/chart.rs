@@ -18,8 +18,11 @@ pub struct LitChart {
     pub patches: Vec<[f64; 3]>,
     /// Irradiance over pi, in units of white, at `LIGHT_NODES` by `LIGHT_NODES` equidistant points
     /// of each patch, corners included.
-    pub light: Vec<[[[f64; 3]; LIGHT_NODES]; LIGHT_NODES]>,
+    pub light: Vec<PatchLight>,
 }
+
+/// By node up, node across and channel.
+pub type PatchLight = [[[f64; 3]; LIGHT_NODES]; LIGHT_NODES];
 
 /// Points along a patch's side at which its light is known; a parabola goes through them.
 pub const LIGHT_NODES: usize = 3;
@@ -68,26 +71,16 @@ impl Panel {
 }
 
 impl LitChart {
-    /// The radiance of the patch in a column and row, counted from the panel's corner, at a place of
-    /// 0 to 1 of it along both sides.
-    pub fn light_at(&self, column: u32, row: u32, [across, up]: [f64; 2]) -> [f64; 3] {
-        let patch = ((self.panel.rows - 1 - row) * self.panel.columns + column) as usize;
-        parabola(&self.light_across(patch, up), across)
+    /// The number of the patch in a column and row, counted from the panel's corner.
+    #[inline(always)]
+    pub fn patch(&self, column: u32, row: u32) -> usize {
+        ((self.panel.rows - 1 - row) * self.panel.columns + column) as usize
     }
 
     /// A patch's radiance at a height of 0 to 1 of it, at `LIGHT_NODES` points across.
     #[inline(always)]
     pub(super) fn light_across(&self, patch: usize, up: f64) -> [[f64; 3]; LIGHT_NODES] {
-        let weights = parabola_weights(up);
-        let mut light = [[0.0; 3]; LIGHT_NODES];
-        for (line, weight) in self.light[patch].iter().zip(weights) {
-            for (sum, value) in light.iter_mut().zip(line) {
-                for channel in 0..3 {
-                    sum[channel] += weight * value[channel];
-                }
-            }
-        }
-        light.map(|value| std::array::from_fn(|c| value[c] * self.patches[patch][c]))
+        patch_across(&self.light[patch], &self.patches[patch], up)
     }
 
     /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
@@ -188,6 +181,32 @@ fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }
 
+/// The radiance of a patch of reflectance `colour` at a height of 0 to 1 of it, at `LIGHT_NODES`
+/// points across.
+#[inline(always)]
+pub(super) fn patch_across(
+    light: &PatchLight,
+    colour: &[f64; 3],
+    up: f64,
+) -> [[f64; 3]; LIGHT_NODES] {
+    let [a, b, c] = parabola_weights(up);
+    let mut across = [[0.0; 3]; LIGHT_NODES];
+    for node in 0..LIGHT_NODES {
+        for i in 0..3 {
+            let value = a * light[0][node][i] + b * light[1][node][i] + c * light[2][node][i];
+            across[node][i] = value * colour[i];
+        }
+    }
+    across
+}
+
+/// The radiance of a patch of reflectance `colour` at a place of 0 to 1 of it along both sides.
+#[inline(always)]
+pub(super) fn patch_at(light: &PatchLight, colour: &[f64; 3], [across, up]: [f64; 2]) -> [f64; 3] {
+    parabola(&patch_across(light, colour, up), across)
+}
+
+/// At a place of 0 to 1 across a patch.
 #[inline(always)]
 pub(super) fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
     let [a, b, c] = parabola_weights(along);

@@ -98,7 +98,7 @@ fn gather_line(
         if from >= to {
             continue;
         }
-        let patch = ((panel.rows - 1 - line.row) * panel.columns + column) as usize;
+        let patch = chart.patch(column, line.row);
         let light = chart.light_across(patch, line.up);
         let along = along(column) * per_pitch;
         for [from, to] in parts(from, to, &line.bends) {

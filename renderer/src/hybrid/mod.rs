@@ -19,7 +19,6 @@ mod gather;
 mod gauss;
 mod light;
 mod mirror;
-mod mirror_kernels;
 mod panel;
 mod pixel;
 mod polygon;

@@ -105,7 +105,9 @@ impl Polygon {
     /// From a rectangle.
     pub fn rectangle(rectangle: &Rectangle) -> Self {
         let ([left, top], [right, bottom]) = (rectangle.low, rectangle.high);
-        Self::quadrilateral([[left, top], [right, top], [right, bottom], [left, bottom]])
+        let mut corners = [[0.0; 2]; CORNERS_MAX];
+        corners[..4].copy_from_slice(&[[left, top], [right, top], [right, bottom], [left, bottom]]);
+        Self { corners, count: 4 }
     }
 
     /// Its corners.
@@ -115,7 +117,8 @@ impl Polygon {
 
     fn edges(&self) -> impl Iterator<Item = ([f64; 2], [f64; 2])> + '_ {
         let corners = self.corners();
-        (0..corners.len()).map(move |i| (corners[i], corners[(i + 1) % corners.len()]))
+        let next = move |i: usize| if i + 1 < corners.len() { i + 1 } else { 0 };
+        (0..corners.len()).map(move |i| (corners[i], corners[next(i)]))
     }
 
     /// The signed area.
@@ -181,12 +184,23 @@ impl Polygon {
 
     /// The part on which a linear function is not negative (Sutherland and Hodgman).
     pub fn cut(&self, function: impl Fn([f64; 2]) -> f64) -> Self {
+        let mut heights = [0.0; CORNERS_MAX];
+        for (height, corner) in heights.iter_mut().zip(self.corners()) {
+            *height = function(*corner);
+        }
+        let heights = &heights[..self.count];
+        if heights.iter().all(|&height| height >= 0.0) {
+            return *self;
+        }
         let mut part = Self {
             corners: [[0.0; 2]; CORNERS_MAX],
             count: 0,
         };
-        for (a, b) in self.edges() {
-            let (da, db) = (function(a), function(b));
+        for (i, (a, b)) in self.edges().enumerate() {
+            let (da, db) = (
+                heights[i],
+                heights[if i + 1 < self.count { i + 1 } else { 0 }],
+            );
             if da >= 0.0 {
                 part.push(a);
             }
