@@ -14,7 +14,7 @@ use crate::{
     completion::Completion,
     completion_log::{CompletionLog, Entry, Retraction},
     file_error::FileError,
-    group::{Failure, Group, Pending},
+    group::{Failure, Group, Pace, Pending},
     ledger::{Ledger, LedgerError},
     limits,
     metrics::Metrics,
@@ -52,12 +52,15 @@ impl Committer {
     ) -> Result<Self, FileError> {
         let failure = Failure::none_yet();
         let told = failure.subscribe();
-        let most = limits::COMMIT_BATCH_MAX;
+        let pace = Pace {
+            most: limits::COMMIT_BATCH_MAX,
+            interval: limits::COMMIT_INTERVAL,
+        };
         let images = blobs.clone();
         let noted = Arc::clone(&metrics);
         let publications = Group::start(
             "publication",
-            most,
+            pace,
             failure.clone(),
             move |batch: Vec<Vec<StagedFile>>| {
                 let began = Instant::now();
@@ -69,7 +72,7 @@ impl Committer {
             },
         )?;
         let mut writer = Writer { blobs, log, ledger };
-        let transitions = Group::start("group commit", most, failure, move |transitions| {
+        let transitions = Group::start("group commit", pace, failure, move |transitions| {
             let began = Instant::now();
             let count = transitions.len();
             let batch = Batch::of(transitions);

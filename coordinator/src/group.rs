@@ -13,6 +13,7 @@ use std::{
     panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc},
     thread::{self, JoinHandle},
+    time::{Duration, Instant},
 };
 use thiserror::Error;
 use tokio::sync::{oneshot, watch};
@@ -47,6 +48,16 @@ impl Failure {
     }
 }
 
+/// How batches follow each other.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    /// The most that one holds.
+    pub most: usize,
+    /// The least time from the beginning of one to that of the next: batches of a few cost nearly
+    /// as much as those of many. What comes after a rest of so long waits for nothing.
+    pub interval: Duration,
+}
+
 /// The thread's address.
 pub(crate) struct Group<T> {
     submissions: Mutex<Option<Address<T>>>,
@@ -73,10 +84,10 @@ pub(crate) struct Pending {
 }
 
 impl<T: Send + 'static> Group<T> {
-    /// Starts the thread. `write` makes a batch of at most `most` durable.
+    /// Starts the thread. `write` makes a batch durable.
     pub fn start<E: Display>(
         name: &str,
-        most: usize,
+        pace: Pace,
         failure: Failure,
         mut write: impl FnMut(Vec<T>) -> Result<(), E> + Send + 'static,
     ) -> Result<Self, FileError> {
@@ -86,7 +97,7 @@ impl<T: Send + 'static> Group<T> {
             .name(name.to_owned())
             .spawn(move || {
                 // sled can panic over a damaged page; that is a failure to write like any other.
-                let run = AssertUnwindSafe(|| run(&waiting, most, &failure, &mut write));
+                let run = AssertUnwindSafe(|| run(&waiting, pace, &failure, &mut write));
                 match panic::catch_unwind(run) {
                     Ok(Ok(())) => {}
                     Ok(Err(error)) => failure.tell(&error),
@@ -169,15 +180,20 @@ impl Pending {
 
 fn run<T, E>(
     waiting: &mpsc::Receiver<Submission<T>>,
-    most: usize,
+    pace: Pace,
     failure: &Failure,
     write: &mut impl FnMut(Vec<T>) -> Result<(), E>,
 ) -> Result<(), E> {
+    let mut began: Option<Instant> = None;
     while let Ok(first) = waiting.recv() {
+        if let Some(began) = began {
+            thread::sleep(pace.interval.saturating_sub(began.elapsed()));
+        }
+        began = Some(Instant::now());
         if failure.happened() {
             return Ok(());
         }
-        let more = waiting.try_iter().take(most - 1);
+        let more = waiting.try_iter().take(pace.most - 1);
         let submissions = std::iter::once(first).chain(more);
         let (batch, waiters): (Vec<T>, Vec<_>) = submissions
             .map(|submission| (submission.item, submission.durable))
@@ -194,16 +210,25 @@ fn run<T, E>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::time::Duration;
+
+    const AT_ONCE: Pace = Pace {
+        most: 3,
+        interval: Duration::ZERO,
+    };
 
     #[tokio::test]
     async fn what_waits_is_written_together_and_in_order() {
         let (tell, told) = mpsc::channel();
         let (release, released) = mpsc::channel::<()>();
-        let group = Group::start("test", 3, Failure::none_yet(), move |batch: Vec<u32>| {
-            tell.send(batch).unwrap();
-            released.recv()
-        });
+        let group = Group::start(
+            "test",
+            AT_ONCE,
+            Failure::none_yet(),
+            move |batch: Vec<u32>| {
+                tell.send(batch).unwrap();
+                released.recv()
+            },
+        );
         let group = group.unwrap();
         let first = group.submit(0);
         assert_eq!(told.recv().unwrap(), [0]);
@@ -225,13 +250,28 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_batch_begins_an_interval_after_the_one_before() {
+        let pace = Pace {
+            most: 3,
+            interval: Duration::from_millis(200),
+        };
+        let nothing = |_: Vec<()>| Ok::<_, String>(());
+        let group = Group::start("test", pace, Failure::none_yet(), nothing).unwrap();
+        group.submit(()).durable().await.unwrap();
+        let began = Instant::now();
+        group.submit(()).durable().await.unwrap();
+        group.submit(()).durable().await.unwrap();
+        assert!(began.elapsed() > pace.interval);
+    }
+
+    #[tokio::test]
     async fn after_a_failure_no_group_of_the_store_writes() {
         let failure = Failure::none_yet();
         let full = |_: Vec<()>| Err("no space left");
-        let failing = Group::start("failing", 1, failure.clone(), full).unwrap();
+        let failing = Group::start("failing", AT_ONCE, failure.clone(), full).unwrap();
         let (tell, told) = mpsc::channel();
         let other = move |batch: Vec<u32>| tell.send(batch);
-        let other = Group::start("other", 1, failure.clone(), other).unwrap();
+        let other = Group::start("other", AT_ONCE, failure.clone(), other).unwrap();
         let error = failing.submit(()).durable().await.unwrap_err();
         assert_eq!(error.0.as_deref(), Some("no space left"));
         let error = other.submit(1).durable().await.unwrap_err();
@@ -246,7 +286,7 @@ mod tests {
     async fn a_panic_is_a_failure() {
         let panics =
             |_: Vec<()>| -> Result<(), String> { panic!("a write that panics on purpose") };
-        let group = Group::start("panics", 1, Failure::none_yet(), panics).unwrap();
+        let group = Group::start("panics", AT_ONCE, Failure::none_yet(), panics).unwrap();
         assert!(group.submit(()).durable().await.is_err());
     }
 }

@@ -3,7 +3,7 @@
 use coordinator::{security::Tokens, token::Token};
 use dataset::Digest;
 use proto::client::{self, Credentials};
-use std::sync::LazyLock;
+use std::{collections::HashSet, sync::LazyLock};
 use tokio::runtime::Runtime;
 
 /// Reads a file of tokens, and each as a lease's or as a digest. Of a token that stands there twice
@@ -24,15 +24,18 @@ pub fn tokens(bytes: &[u8]) -> bool {
     let Ok(tokens) = text.parse::<Tokens>() else {
         return false;
     };
-    for line in text.lines().map(str::trim) {
-        if let Some((_, token)) = line.split_once(' ').filter(|_| !line.starts_with('#')) {
-            assert!(tokens.role(token.trim().as_bytes()).is_some());
-            let shorter = &token.trim()[1..];
-            let known = text
-                .lines()
-                .any(|line| line.trim_end().ends_with(&format!(" {shorter}")));
-            assert!(known || tokens.role(shorter.as_bytes()).is_none());
-        }
+    let lines = text.lines().map(str::trim);
+    let lines = lines.filter(|line| !line.starts_with('#'));
+    let known: HashSet<&str> = lines
+        .filter_map(|line| Some(line.split_once(' ')?.1.trim()))
+        .collect();
+    for token in &known {
+        assert!(tokens.role(token.as_bytes()).is_some());
+        let shorter = &token[1..];
+        assert_eq!(
+            tokens.role(shorter.as_bytes()).is_some(),
+            known.contains(shorter)
+        );
     }
     assert_eq!(tokens.role(b""), None);
     true
