@@ -21,6 +21,7 @@ mod process;
 use cheap_image::cheap_image;
 use coordinator::ReadOnlyStore;
 use dataset::{Digest, Specification};
+use mimalloc::MiMalloc;
 use process::Process;
 use proto::{
     FarmClient,
@@ -33,10 +34,15 @@ use std::{
     net::{TcpListener, TcpStream},
     path::Path,
     process::Command,
-    sync::Arc,
+    sync::{Arc, Barrier},
+    thread,
     time::{Duration, Instant},
 };
-use tokio::task::JoinSet;
+use tokio::{runtime, task::JoinSet};
+
+/// The program's, which real workers have.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Jobs a second that a coordinator is to complete, made durable before they are acknowledged.
 const JOBS_PER_SECOND_MIN: f64 = 2000.0;
@@ -49,6 +55,14 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// How long a worker asks to wait for a job.
 const WAIT: Duration = Duration::from_secs(1);
+
+/// Over how long workers begin, one after another: a farm's did not all begin at one instant.
+const RAMP: Duration = Duration::from_secs(1);
+
+/// Threads that the workers are shared out among. A call is handed from task to task half a dozen
+/// times at the worker's side, and each time waits for its turn among all that a thread has to do:
+/// with one thread for all, that is longer than the coordinator takes.
+const CREWS: usize = 8;
 
 /// The unit of time in `/proc`, the same on every Linux.
 const TICKS_PER_SECOND: f64 = 100.0;
@@ -164,14 +178,8 @@ fn simulate(load: &Load) -> Figures {
     let uploads = uploads(&specification);
     let coordinator = Coordinator::start(folder.path());
 
-    // One thread: the system's two cores are for the coordinator too.
-    let runtime = tokio::runtime::Builder::new_current_thread()
-        .enable_all()
-        .build()
-        .unwrap();
     let own_before = usage("self").seconds;
-    let (elapsed, seen) =
-        runtime.block_on(work_all(load, &coordinator.url, &specification, uploads));
+    let (elapsed, seen) = work_all(load, &coordinator.url, &specification, &uploads);
     let own = usage("self").seconds - own_before;
     let its = usage(&coordinator.process.id().to_string());
     let metrics = coordinator.metrics();
@@ -261,14 +269,47 @@ fn uploads(specification: &Specification) -> Uploads {
 }
 
 /// Runs all workers until nothing is left; returns how long that took, and what each saw.
-async fn work_all(
+fn work_all(
     load: &Load,
     url: &str,
     specification: &Specification,
-    uploads: Uploads,
+    uploads: &Uploads,
 ) -> (f64, Vec<Seen>) {
+    let all_registered = Barrier::new(CREWS + 1);
+    thread::scope(|scope| {
+        let crews: Vec<_> = (0..CREWS)
+            .map(|crew| {
+                let all_registered = &all_registered;
+                scope.spawn(move || {
+                    let runtime = runtime::Builder::new_current_thread()
+                        .enable_all()
+                        .build()
+                        .unwrap();
+                    runtime.block_on(async {
+                        let numbers = (crew..load.workers).step_by(CREWS);
+                        let registered = register(numbers, url, specification).await;
+                        all_registered.wait();
+                        work_together(load, registered, uploads).await
+                    })
+                })
+            })
+            .collect();
+        all_registered.wait();
+        let began = Instant::now();
+        let seen = crews.into_iter().flat_map(|crew| crew.join().unwrap());
+        let seen = seen.collect();
+        (began.elapsed().as_secs_f64(), seen)
+    })
+}
+
+/// Workers by number, each with its connection and the id it was given.
+async fn register(
+    numbers: impl Iterator<Item = usize>,
+    url: &str,
+    specification: &Specification,
+) -> Vec<(usize, FarmClient, Vec<u8>)> {
     let mut registered = Vec::new();
-    for number in 0..load.workers {
+    for number in numbers {
         let mut client = proto::client::farm(url, &Credentials::default()).unwrap();
         let message = proto::RegisterRequest {
             name: format!("simulated-{number}"),
@@ -277,23 +318,27 @@ async fn work_all(
             worker_id: Vec::new(),
         };
         let answer = client.register(with_deadline(message)).await.unwrap();
-        registered.push((client, answer.into_inner().worker_id));
+        registered.push((number, client, answer.into_inner().worker_id));
     }
-    let began = Instant::now();
+    registered
+}
+
+async fn work_together(
+    load: &Load,
+    registered: Vec<(usize, FarmClient, Vec<u8>)>,
+    uploads: &Uploads,
+) -> Vec<Seen> {
     let mut working = JoinSet::new();
-    let workers = load.workers as u32;
-    for (number, (client, worker_id)) in (0..workers).zip(registered) {
-        // They did not all begin at one instant.
-        let late = load.pause * number / workers;
-        let uploads = Arc::clone(&uploads);
+    for (number, client, worker_id) in registered {
+        let late = load.pause.max(RAMP) * number as u32 / load.workers as u32;
+        let uploads = Arc::clone(uploads);
         let pause = load.pause;
         working.spawn(async move {
             tokio::time::sleep(late).await;
             work(client, worker_id, uploads, pause).await
         });
     }
-    let seen = working.join_all().await;
-    (began.elapsed().as_secs_f64(), seen)
+    working.join_all().await
 }
 
 async fn work(

@@ -3,13 +3,22 @@
 //! Waking a thread for each small image costs as much as the image: a thread that is awake goes on
 //! as long as anything waits. The threads are those of the runtime that are meant to be blocked, and
 //! each is held only while there is work.
+//!
+//! They are given little ahead, and what is done makes room only once its asker has had its turn
+//! among the runtime's tasks. So where there is more to do than the cores can, as with a thousand
+//! workers, it is here that calls wait, in their order, and not before those that are quickly
+//! answered: leases, renewals, completions.
 
+use crate::limits;
 use std::{
     collections::VecDeque,
     panic::{self, AssertUnwindSafe},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
-use tokio::{sync::oneshot, task};
+use tokio::{
+    sync::{Semaphore, oneshot},
+    task,
+};
 
 type Work = Box<dyn FnOnce() + Send>;
 
@@ -18,6 +27,8 @@ type Work = Box<dyn FnOnce() + Send>;
 pub(crate) struct Hands {
     most: usize,
     state: Arc<Mutex<State>>,
+    // What may be with the threads, or done and its asker not told.
+    room: Arc<Semaphore>,
 }
 
 #[derive(Default)]
@@ -35,6 +46,7 @@ impl Hands {
         Self {
             most,
             state: Arc::default(),
+            room: Arc::new(Semaphore::new(most * limits::WORK_AHEAD)),
         }
     }
 
@@ -45,6 +57,8 @@ impl Hands {
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Interrupted> {
+        // Nobody closes it.
+        let _place = self.room.acquire().await.map_err(|_| Interrupted)?;
         let (answer, answered) = oneshot::channel();
         let work = move || {
             if !answer.is_closed() {
@@ -122,6 +136,31 @@ mod tests {
         while hands.lock().busy > 0 {
             task::yield_now().await;
         }
+    }
+
+    #[tokio::test]
+    async fn little_is_given_ahead() {
+        let hands = Hands::new(1);
+        let (release, released) = mpsc::channel::<()>();
+        let released = Arc::new(Mutex::new(released));
+        let mut all = JoinSet::new();
+        for _ in 0..3 * limits::WORK_AHEAD {
+            let (hands, released) = (hands.clone(), Arc::clone(&released));
+            all.spawn(async move {
+                let work = move || released.lock().unwrap().recv().is_ok();
+                assert_eq!(hands.run(work).await, Ok(true));
+            });
+        }
+        while hands.room.available_permits() > 0 {
+            task::yield_now().await;
+        }
+        // Everybody has had a turn since, and was given nothing.
+        task::yield_now().await;
+        assert!(hands.lock().waiting.len() <= limits::WORK_AHEAD);
+        for _ in 0..3 * limits::WORK_AHEAD {
+            release.send(()).unwrap();
+        }
+        all.join_all().await;
     }
 
     #[tokio::test]
