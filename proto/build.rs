@@ -10,6 +10,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     fs::write(out.join("farm.bin"), descriptors.encode_to_vec())?;
     tonic_prost_build::configure()
         .bytes(".brdfarm.v1.PutBlobRequest.data")
+        .bytes(".brdfarm.v1.View.image")
         .bytes(".brdfarm.v1.GetBlobResponse.data")
         .compile_fds(descriptors)?;
     Ok(())

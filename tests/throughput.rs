@@ -18,6 +18,7 @@ mod cheap_image;
 #[allow(dead_code, reason = "other tests use the rest")]
 mod process;
 
+use bytes::Bytes;
 use cheap_image::cheap_image;
 use coordinator::ReadOnlyStore;
 use dataset::{Digest, Specification};
@@ -26,6 +27,7 @@ use process::Process;
 use proto::{
     FarmClient,
     client::{Credentials, with_deadline, with_deadline_after},
+    limits::IMAGES_BROUGHT_BYTES_MAX,
 };
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::{
@@ -227,6 +229,10 @@ fn simulate(load: &Load) -> Figures {
             sorted(seen.iter().flat_map(|seen| &seen.completions)),
         ),
     ] {
+        // Small images come with the completion.
+        if times.is_empty() {
+            continue;
+        }
         println!(
             "  {call:<10} p50 {:6.1} ms, p99 {:6.1} ms, longest {:6.1} ms; inside the coordinator \
              p50 under {:.0} ms, p99 under {:.0} ms",
@@ -363,17 +369,27 @@ async fn work(
         for job in leased.jobs {
             seen.leases.push(asked.elapsed());
             tokio::time::sleep(pause).await;
+            let uploads = &uploads[job.material as usize];
+            let bytes: u64 = uploads.iter().map(|upload| upload.size).sum();
+            // As real workers do.
+            let brings = bytes <= IMAGES_BROUGHT_BYTES_MAX;
             let mut views = Vec::new();
-            for upload in &uploads[job.material as usize] {
-                let asked = Instant::now();
-                let put = client.put_blob(with_deadline(upload.clone())).await;
-                put.unwrap();
-                seen.uploads.push(asked.elapsed());
+            for upload in uploads {
+                let mut image = Bytes::new();
+                if brings {
+                    image = upload.data.clone();
+                } else {
+                    let asked = Instant::now();
+                    let put = client.put_blob(with_deadline(upload.clone())).await;
+                    put.unwrap();
+                    seen.uploads.push(asked.elapsed());
+                }
                 views.push(proto::View {
                     md5: Vec::new(),
                     digest: upload.digest.clone(),
                     size: upload.size,
                     statistics: Some(proto::ErrorStatistics::default()),
+                    image,
                 });
             }
             let message = proto::CompleteRequest {

@@ -40,6 +40,7 @@ pub(crate) struct Metrics {
     calls: Family<Label, Histogram>,
     refusals: Family<Label, Counter>,
     render_seconds: Histogram,
+    upload_seconds: Histogram,
     publication_seconds: Histogram,
     commit_seconds: Histogram,
     commit_transitions: Histogram,
@@ -67,6 +68,7 @@ impl Default for Metrics {
             }),
             refusals: Family::default(),
             render_seconds: long(),
+            upload_seconds: short(),
             publication_seconds: short(),
             commit_seconds: short(),
             commit_transitions: Histogram::new(exponential_buckets(1.0, 2.0, 11)),
@@ -103,12 +105,15 @@ impl Metrics {
         let help = "Bytes of completed images";
         let received = self.received_bytes.clone();
         registry.register_with_unit("received", help, Unit::Bytes, received);
-        let help = "How long calls took, uploads (PutBlob) and leases (Lease, with their waiting)";
+        let help = "How long calls took, leases (Lease) with their waiting";
         registry.register_with_unit("call", help, Unit::Seconds, self.calls.clone());
         let help = "Calls that were answered with an error, by gRPC code";
         registry.register("errors", help, self.refusals.clone());
         let help = "How long workers rendered one material";
         registry.register_with_unit("render", help, Unit::Seconds, self.render_seconds.clone());
+        let help = "How long images took from their arrival until they were checked and written";
+        let seconds = self.upload_seconds.clone();
+        registry.register_with_unit("upload", help, Unit::Seconds, seconds);
         let help = "How long it took to make a batch of images durable under their names";
         let seconds = self.publication_seconds.clone();
         registry.register_with_unit("publication", help, Unit::Seconds, seconds);
@@ -127,6 +132,10 @@ impl Metrics {
     pub fn note_completion(&self, bytes: u64, render_seconds: f64) {
         self.received_bytes.inc_by(bytes);
         self.render_seconds.observe(render_seconds);
+    }
+
+    pub fn note_upload(&self, time: Duration) {
+        self.upload_seconds.observe(time.as_secs_f64());
     }
 
     pub fn note_publication(&self, time: Duration) {
@@ -254,6 +263,7 @@ mod tests {
         let metrics = Metrics::default();
         metrics.note_leases(3);
         metrics.note_completion(500, 2.5);
+        metrics.note_upload(Duration::from_millis(1));
         metrics.note_publication(Duration::from_millis(9));
         metrics.note_commit(Duration::from_millis(4), 20);
         let second = Duration::from_secs(1);
@@ -274,6 +284,7 @@ mod tests {
             "brdfarm_store_free_bytes 7.0",
             "brdfarm_jobs{state=\"pending\"} 0",
             "brdfarm_render_seconds_count 1",
+            "brdfarm_upload_seconds_count 1",
             "brdfarm_publication_seconds_count 1",
             "brdfarm_ledger_commit_seconds_count 1",
             "brdfarm_call_seconds_count{call=\"PutBlob\"} 1",

@@ -226,13 +226,13 @@ fn calls() -> Vec<u8> {
         call(b'P', put.encode_to_vec());
     }
     let views = done.views.iter().map(|view| proto::View {
-        md5: Vec::new(),
         digest: view.digest.as_bytes().to_vec(),
         size: view.bytes,
         statistics: Some(proto::ErrorStatistics {
             mean: 1e-4,
             ..proto::ErrorStatistics::default()
         }),
+        ..proto::View::default()
     });
     let complete = proto::CompleteRequest {
         token: token.clone(),

@@ -12,6 +12,10 @@ pub const CONTROL_MESSAGE_BYTES_MAX: usize = 256 << 10;
 /// The largest image, bytes: a message less what surrounds the image in it.
 pub const BLOB_BYTES_MAX: u64 = 7 << 20;
 
+/// The most that the images brought along by one completion have together, bytes. More are sent one
+/// by one, so that on a slow line what has arrived need not be sent again.
+pub const IMAGES_BROUGHT_BYTES_MAX: u64 = 256 << 10;
+
 /// Length of a lease token and of a worker's id, bytes.
 pub const TOKEN_BYTES: usize = 16;
 

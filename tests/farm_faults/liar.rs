@@ -116,6 +116,7 @@ impl Liar {
             size: claim.bytes.len() as u64,
             statistics: Some(ErrorStatistics::default()),
             md5: Md5::digest(&claim.bytes).to_vec(),
+            ..View::default()
         });
         let message = CompleteRequest {
             token: self.token.clone(),

@@ -74,7 +74,7 @@ async fn metrics_tell_what_happened_and_nothing_secret() {
         image_bytes(directory) as f64
     );
     assert!(value(&after, "brdfarm_store_free_bytes") > 0.0);
-    assert!(value(&after, "brdfarm_call_seconds_count{call=\"PutBlob\"}") >= 28.0);
+    assert!(value(&after, "brdfarm_upload_seconds_count") >= 28.0);
     assert_eq!(value(&after, "brdfarm_render_seconds_count"), 2.0);
     assert!(value(&after, "brdfarm_ledger_commit_seconds_count") >= 2.0);
     assert_eq!(

@@ -1,17 +1,20 @@
-//! Delivering a rendered job: images first, then the completion.
+//! Delivering a rendered job: images first, then the completion; small images come along with it.
 
 use crate::{
     connection::{CallError, Connection, pause},
     job::{Job, RenderedJob},
     limits,
+    render::RenderedView,
     upload::Uploader,
 };
 use bytes::Bytes;
+use dataset::Digest;
 use futures_util::{StreamExt, stream};
 use md5::{Digest as _, Md5};
 use proto::{
     CompleteRequest, ErrorStatistics, FailRequest, FindMissingBlobsRequest,
     FindMissingBlobsResponse, GetUploadUrlsRequest, PutBlobRequest, Upload, View,
+    limits::IMAGES_BROUGHT_BYTES_MAX,
 };
 use std::{collections::VecDeque, sync::atomic::Ordering};
 use tokio::{
@@ -53,21 +56,23 @@ pub(crate) async fn deliver(
     } else {
         Vec::new()
     };
-    let completion = completion(job, rendered, &md5s);
     for _ in 0..limits::DELIVERIES_MAX {
         if job.lost.load(Ordering::Relaxed) {
             return Ok(Delivered::Lost);
         }
+        let mut completion = completion(job, rendered, &md5s);
         let sent = if upload_by_url {
             upload_missing(connection, uploader, job, rendered, &md5s, &missing).await
+        } else if bytes_of(rendered, &missing) <= IMAGES_BROUGHT_BYTES_MAX {
+            bring_along(&mut completion, rendered, &missing);
+            Ok(())
         } else {
             send_missing(connection, rendered, &missing).await
         };
         let completed = match sent {
             Err(error) => Err(error),
             Ok(()) => {
-                let message = completion.clone();
-                let complete = connection.call(message, async |mut client, request| {
+                let complete = connection.call(completion, async |mut client, request| {
                     client.complete(request).await
                 });
                 complete.await
@@ -201,16 +206,36 @@ async fn upload_missing(
     unreachable!("attempts do not run out")
 }
 
+/// Of a job's images those that are missing.
+fn missing_of<'a>(
+    rendered: &'a RenderedJob,
+    missing: &'a [Vec<u8>],
+) -> impl Iterator<Item = &'a (Digest, RenderedView)> {
+    let views = rendered.views.iter();
+    views.filter(|(digest, _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
+}
+
+fn bytes_of(rendered: &RenderedJob, missing: &[Vec<u8>]) -> u64 {
+    let images = missing_of(rendered, missing);
+    images.map(|(_, image)| image.exr.len() as u64).sum()
+}
+
+/// Puts images into the completion: a call less for each.
+fn bring_along(completion: &mut CompleteRequest, rendered: &RenderedJob, missing: &[Vec<u8>]) {
+    for (view, (digest, image)) in completion.views.iter_mut().zip(&rendered.views) {
+        if missing.iter().any(|bytes| bytes == digest.as_bytes()) {
+            view.image = image.exr.clone().into();
+        }
+    }
+}
+
 /// Sends images to the coordinator.
 async fn send_missing(
     connection: &Connection,
     rendered: &RenderedJob,
     missing: &[Vec<u8>],
 ) -> Result<(), CallError> {
-    let mut waiting: VecDeque<PutBlobRequest> = rendered
-        .views
-        .iter()
-        .filter(|(digest, _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
+    let mut waiting: VecDeque<PutBlobRequest> = missing_of(rendered, missing)
         .map(|(digest, image)| PutBlobRequest {
             digest: digest.as_bytes().to_vec(),
             size: image.exr.len() as u64,
@@ -266,6 +291,7 @@ fn completion(job: &Job, rendered: &RenderedJob, md5s: &[Vec<u8>]) -> CompleteRe
                 evaluations: statistics.evaluations,
             }),
             md5: md5s.get(view).cloned().unwrap_or_default(),
+            image: Bytes::new(),
         }
     });
     CompleteRequest {

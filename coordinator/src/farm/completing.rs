@@ -14,7 +14,9 @@ use crate::{
     staging::StagedImage,
     token::Token,
 };
+use bytes::Bytes;
 use dataset::{Digest, ImageHeader};
+use futures_util::future::try_join_all;
 
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]
@@ -25,14 +27,24 @@ pub(crate) enum Outcome {
     Missing(Vec<Digest>),
 }
 
+/// An image that came with its completion.
+pub(crate) struct BroughtImage {
+    pub digest: Digest,
+    /// Its size as declared.
+    pub bytes: u64,
+    pub data: Bytes,
+}
+
 impl Farm {
     /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in by the board. `md5s` are those of the
-    /// views in order, where images are in a bucket.
+    /// and is what it should be. Who rendered it is filled in by the board. Images that are brought
+    /// along are taken in first, unless the lease is over. `md5s` are those of the views in order,
+    /// where images are in a bucket.
     pub async fn complete(
         &self,
         token: Token,
         completion: Completion,
+        brought: Vec<BroughtImage>,
         md5s: &[Option<Md5>],
     ) -> Result<Outcome, FarmError> {
         self.check_completion(&completion)?;
@@ -43,6 +55,10 @@ impl Farm {
         let mut uploads = None;
         let standing = self.board.standing(material, token, fingerprint).await?;
         if standing == Standing::Current {
+            let taken_in = brought
+                .into_iter()
+                .map(|image| self.put_blob(image.digest, image.bytes, image.data));
+            try_join_all(taken_in).await?;
             let missing = match self.surroundings.blobs.objects() {
                 None => self.missing_images(&completion).await?,
                 Some(objects) => {

@@ -11,7 +11,7 @@ use crate::{
     staging::{Stage, StagedImage},
 };
 use dataset::Digest;
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 use tokio::task;
 
 impl Farm {
@@ -94,8 +94,11 @@ impl Farm {
                 }
             }
         };
+        let arrived = Instant::now();
         let taken = self.uploads.run(take_in).await;
-        taken.map_err(|Interrupted| FarmError::Interrupted)?
+        taken.map_err(|Interrupted| FarmError::Interrupted)??;
+        self.metrics.note_upload(arrived.elapsed());
+        Ok(())
     }
 
     /// Of images that are not staged, which are in the store: known to the ledger, and on the disk

@@ -8,7 +8,7 @@ use super::{
 use crate::{
     board::Renewal,
     completion::Completion,
-    farm::{Farm, Md5, Outcome},
+    farm::{BroughtImage, Farm, Md5, Outcome},
 };
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
 use proto::limits;
@@ -191,9 +191,10 @@ impl proto::Farm for FarmService {
             bytes => md5("views.md5", bytes).map(Some),
         });
         let md5s = md5s.collect::<Result<Vec<_>, Status>>()?;
+        let brought = images_brought(&completion, message.views)?;
         let span = info_span!("job", material = message.material, lease = %token);
         let outcome = async {
-            let outcome = self.farm.complete(token, completion, &md5s).await;
+            let outcome = self.farm.complete(token, completion, brought, &md5s).await;
             match &outcome {
                 Ok(Outcome::Recorded) => {}
                 Ok(Outcome::Repeated) => tracing::info!("completed before"),
@@ -236,6 +237,31 @@ impl proto::Farm for FarmService {
 fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {
     let reason = format!("an MD5 has {} bytes", limits::MD5_BYTES);
     bytes.try_into().map_err(|_| invalid(field, &reason))
+}
+
+/// The images that a completion brings along.
+fn images_brought(
+    completion: &Completion,
+    views: Vec<proto::View>,
+) -> Result<Vec<BroughtImage>, Status> {
+    let views = completion.views.iter().zip(views);
+    let brought: Vec<BroughtImage> = views
+        .filter(|(_, view)| !view.image.is_empty())
+        .map(|(completed, view)| BroughtImage {
+            digest: completed.digest,
+            bytes: completed.bytes,
+            data: view.image,
+        })
+        .collect();
+    let bytes: u64 = brought.iter().map(|image| image.data.len() as u64).sum();
+    if bytes > limits::IMAGES_BROUGHT_BYTES_MAX {
+        let reason = format!(
+            "a completion brings images of {bytes} bytes along, more than {}: send them with PutBlob",
+            limits::IMAGES_BROUGHT_BYTES_MAX
+        );
+        return Err(invalid("views.image", &reason));
+    }
+    Ok(brought)
 }
 
 fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {

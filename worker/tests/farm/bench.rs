@@ -279,27 +279,46 @@ impl Puppet {
         material: u32,
         images: &[Vec<u8>],
     ) -> Result<proto::CompleteResponse, Status> {
-        let statistics = statistics();
-        let views = images.iter().map(|bytes| proto::View {
-            digest: Digest::of(bytes).as_bytes().to_vec(),
-            size: bytes.len() as u64,
-            md5: Vec::new(),
-            statistics: Some(proto::ErrorStatistics {
-                mean: statistics.mean,
-                p95: statistics.p95,
-                max: statistics.max,
-                within_target: statistics.within_target,
-                samples: statistics.samples,
-                evaluations: statistics.evaluations,
-            }),
-        });
-        let message = proto::CompleteRequest {
-            token: token.to_vec(),
-            material,
-            views: views.collect(),
-            seconds: 0.5,
-        };
+        let message = completion(token, material, images);
         let answer = self.client.complete(with_deadline(message)).await?;
         Ok(answer.into_inner())
+    }
+
+    /// Completes with images that were not sent before.
+    pub async fn complete_bringing(
+        &mut self,
+        token: &[u8],
+        material: u32,
+        images: &[Vec<u8>],
+    ) -> Result<proto::CompleteResponse, Status> {
+        let mut message = completion(token, material, images);
+        for (view, image) in message.views.iter_mut().zip(images) {
+            view.image = image.clone().into();
+        }
+        let answer = self.client.complete(with_deadline(message)).await?;
+        Ok(answer.into_inner())
+    }
+}
+
+fn completion(token: &[u8], material: u32, images: &[Vec<u8>]) -> proto::CompleteRequest {
+    let statistics = statistics();
+    let views = images.iter().map(|bytes| proto::View {
+        digest: Digest::of(bytes).as_bytes().to_vec(),
+        size: bytes.len() as u64,
+        statistics: Some(proto::ErrorStatistics {
+            mean: statistics.mean,
+            p95: statistics.p95,
+            max: statistics.max,
+            within_target: statistics.within_target,
+            samples: statistics.samples,
+            evaluations: statistics.evaluations,
+        }),
+        ..proto::View::default()
+    });
+    proto::CompleteRequest {
+        token: token.to_vec(),
+        material,
+        views: views.collect(),
+        seconds: 0.5,
     }
 }

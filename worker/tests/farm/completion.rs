@@ -1,6 +1,11 @@
-use crate::bench::{Bench, cheap, slow};
+use crate::{
+    bench::{Bench, cheap, slow},
+    cheap_image::cheap_image,
+};
 use coordinator::ReadOnlyStore;
 use coordinator::verify::{Checks, verify};
+use dataset::specification::Pixel;
+use proto::limits::IMAGES_BROUGHT_BYTES_MAX;
 use renderer::geometry::BackendChoice;
 use tokio::sync::watch;
 use worker::{RenderFailure, RendererBackend, Worker};
@@ -26,6 +31,28 @@ async fn two_workers_complete_a_set_with_every_image_once() {
         "both work: {materials:?}"
     );
     assert_eq!(bench.rendered(), 60);
+    coordinator.shutdown().await;
+    assert_eq!(bench.digests(), bench.expected_digests());
+}
+
+/// Together they are more than a completion may bring along.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn large_images_are_sent_one_by_one() {
+    let mut bench = Bench::new(2);
+    (
+        bench.specification.image.width,
+        bench.specification.image.height,
+    ) = (1024, 512);
+    bench.specification.image.pixel = Pixel::Float;
+    let bytes: usize = (0..3)
+        .map(|view| cheap_image(&bench.specification, 0, view).len())
+        .sum();
+    assert!(bytes as u64 > IMAGES_BROUGHT_BYTES_MAX, "{bytes} bytes");
+    let coordinator = bench.coordinator().await;
+    let worker = bench.worker(&coordinator.url(), cheap);
+    let progress = coordinator.wait_until_finished().await.unwrap();
+    assert_eq!(progress.counts.completed, 2);
+    assert_eq!(worker.summary().await.failures, 0);
     coordinator.shutdown().await;
     assert_eq!(bench.digests(), bench.expected_digests());
 }

@@ -91,6 +91,44 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn images_that_come_with_their_completion_are_checked_like_others() {
+    let bench = Bench::new(3);
+    let coordinator = bench.coordinator().await;
+    let mut puppet = Puppet::register(&bench, &coordinator.url()).await;
+    let job = puppet.lease_one().await;
+    let images = puppet.images(0);
+    let staged = || {
+        std::fs::read_dir(bench.path().join("staging"))
+            .unwrap()
+            .count()
+    };
+
+    let refused = puppet.complete_bringing(&[9; 16], 0, &images).await;
+    assert_eq!(refused.unwrap_err().code(), Code::FailedPrecondition);
+    assert_eq!(staged(), 0, "no lease, no images");
+    let noise = b"no image at all".to_vec();
+    let large = vec![0; limits::IMAGES_BROUGHT_BYTES_MAX as usize];
+    for (odd, what) in [(noise, "no EXR"), (large, "PutBlob")] {
+        let brought = [odd, images[1].clone(), images[2].clone()];
+        let refused = puppet.complete_bringing(&job.token, 0, &brought).await;
+        let refused = refused.unwrap_err();
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+        assert!(refused.message().contains(what), "{refused}");
+    }
+    let others = puppet.images(1);
+    let refused = puppet.complete_bringing(&job.token, 0, &others).await;
+    let refused = refused.unwrap_err();
+    assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+
+    let answer = puppet.complete_bringing(&job.token, 0, &images).await;
+    let answer = answer.unwrap();
+    assert!(answer.missing.is_empty() && !answer.repeated);
+    let answer = puppet.complete_bringing(&job.token, 0, &images).await;
+    assert!(answer.unwrap().repeated);
+    coordinator.shutdown().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_completion_needs_every_image_and_the_right_ones() {
     let bench = Bench::new(3);
     let coordinator = bench.coordinator().await;
