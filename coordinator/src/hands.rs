@@ -1,40 +1,16 @@
-//! A few threads for many short pieces of work that block.
+//! Short pieces of work that block, a few at one time.
 //!
-//! Waking a thread for each small image costs as much as the image: a thread that is awake goes on
-//! as long as anything waits. The threads are those of the runtime that are meant to be blocked, and
-//! each is held only while there is work.
-//!
-//! They are given little ahead, and what is done makes room only once its asker has had its turn
-//! among the runtime's tasks. So where there is more to do than the cores can, as with a thousand
-//! workers, it is here that calls wait, in their order, and not before those that are quickly
-//! answered: leases, renewals, completions.
+//! Work begins in the order in which it was asked for, and what is done makes room for the next only
+//! once its asker has had its turn among the runtime's tasks. So where there is more to do than the
+//! cores can, as with a thousand workers, it is here that calls wait, and not before those that are
+//! quickly answered: leases, renewals, completions.
 
-use crate::limits;
-use std::{
-    collections::VecDeque,
-    panic::{self, AssertUnwindSafe},
-    sync::{Arc, Mutex, MutexGuard, PoisonError},
-};
-use tokio::{
-    sync::{Semaphore, oneshot},
-    task,
-};
+use std::sync::Arc;
+use tokio::{sync::Semaphore, task};
 
-type Work = Box<dyn FnOnce() + Send>;
-
-/// At most so many threads at work.
-#[derive(Clone)]
+/// At most so many pieces at one time, on the runtime's threads that are meant to be blocked.
 pub(crate) struct Hands {
-    most: usize,
-    state: Arc<Mutex<State>>,
-    // What may be with the threads, or done and its asker not told.
-    room: Arc<Semaphore>,
-}
-
-#[derive(Default)]
-struct State {
-    waiting: VecDeque<Work>,
-    busy: usize,
+    free: Arc<Semaphore>,
 }
 
 /// The work was not done, or panicked.
@@ -44,76 +20,47 @@ pub(crate) struct Interrupted;
 impl Hands {
     pub fn new(most: usize) -> Self {
         Self {
-            most,
-            state: Arc::default(),
-            room: Arc::new(Semaphore::new(most * limits::WORK_AHEAD)),
+            free: Arc::new(Semaphore::new(most)),
         }
     }
 
-    /// Does a piece of work after all that were given before. Once begun it ends, even when nobody
-    /// waits for it any more; one that nobody waits for is not begun. Has to be called inside a
-    /// runtime.
+    /// Does a piece of work after all that were asked for before. Once begun it ends, even when
+    /// nobody waits for it any more; one that nobody waits for is not begun. Has to be called inside
+    /// a runtime.
     pub async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Interrupted> {
+        let free = Arc::clone(&self.free);
         // Nobody closes it.
-        let _place = self.room.acquire().await.map_err(|_| Interrupted)?;
-        let (answer, answered) = oneshot::channel();
-        let work = move || {
-            if !answer.is_closed() {
-                // Whoever asked may go meanwhile.
-                drop(answer.send(work()));
-            }
-        };
-        let another = {
-            let mut state = self.lock();
-            state.waiting.push_back(Box::new(work));
-            let another = state.busy < self.most;
-            state.busy += usize::from(another);
-            another
-        };
-        if another {
-            let hands = self.clone();
-            task::spawn_blocking(move || hands.work());
-        }
-        answered.await.map_err(|_| Interrupted)
-    }
-
-    fn work(&self) {
-        loop {
-            let work = {
-                let mut state = self.lock();
-                let Some(work) = state.waiting.pop_front() else {
-                    state.busy -= 1;
-                    return;
-                };
-                work
-            };
-            // The panic has been told where it happened, and whoever asked gets no answer.
-            drop(panic::catch_unwind(AssertUnwindSafe(work)));
-        }
-    }
-
-    // Nothing that runs under the lock panics.
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        let hand = Arc::new(free.acquire_owned().await.map_err(|_| Interrupted)?);
+        // Free again when the work is done and its asker knows it, or is gone.
+        let held = Arc::clone(&hand);
+        let done = task::spawn_blocking(move || {
+            let _held = held;
+            work()
+        });
+        done.await.map_err(|_| Interrupted)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::{sync::mpsc, time::Duration};
-    use tokio::task::JoinSet;
+    use std::{
+        sync::{Mutex, mpsc},
+        thread,
+        time::Duration,
+    };
+    use tokio::{sync::oneshot, task::JoinSet};
 
     #[tokio::test]
-    async fn all_work_is_done_by_so_many_threads_at_most() {
-        let hands = Hands::new(3);
+    async fn all_work_is_done_so_many_pieces_at_one_time() {
+        let hands = Arc::new(Hands::new(3));
         let at_work = Arc::new(Mutex::new((0_usize, 0_usize)));
         let mut all = JoinSet::new();
         for number in 0..200_u64 {
-            let (hands, at_work) = (hands.clone(), Arc::clone(&at_work));
+            let (hands, at_work) = (Arc::clone(&hands), Arc::clone(&at_work));
             all.spawn(async move {
                 let work = move || {
                     {
@@ -121,7 +68,7 @@ mod tests {
                         at_work.0 += 1;
                         at_work.1 = at_work.1.max(at_work.0);
                     }
-                    std::thread::sleep(Duration::from_millis(1));
+                    thread::sleep(Duration::from_millis(1));
                     at_work.lock().unwrap().0 -= 1;
                     number
                 };
@@ -132,44 +79,37 @@ mod tests {
         let (left, most) = *at_work.lock().unwrap();
         assert_eq!(left, 0);
         assert!((2..=3).contains(&most), "{most} at one time");
-        // A thread lets go a moment after its last answer.
-        while hands.lock().busy > 0 {
-            task::yield_now().await;
-        }
     }
 
     #[tokio::test]
-    async fn little_is_given_ahead() {
-        let hands = Hands::new(1);
-        let (release, released) = mpsc::channel::<()>();
-        let released = Arc::new(Mutex::new(released));
-        let mut all = JoinSet::new();
-        for _ in 0..3 * limits::WORK_AHEAD {
-            let (hands, released) = (hands.clone(), Arc::clone(&released));
-            all.spawn(async move {
-                let work = move || released.lock().unwrap().recv().is_ok();
-                assert_eq!(hands.run(work).await, Ok(true));
-            });
-        }
-        while hands.room.available_permits() > 0 {
-            task::yield_now().await;
-        }
-        // Everybody has had a turn since, and was given nothing.
+    async fn the_next_begins_when_the_asker_has_had_its_turn() {
+        let hands = Arc::new(Hands::new(1));
+        let (tell, told) = mpsc::channel();
+        let first = {
+            let (hands, tell) = (Arc::clone(&hands), tell.clone());
+            task::spawn(async move { hands.run(move || tell.send(1)).await })
+        };
+        let second = {
+            let hands = Arc::clone(&hands);
+            task::spawn(async move { hands.run(move || tell.send(2)).await })
+        };
+        // Both ask; this thread, the runtime's only one, then gives nobody a turn.
         task::yield_now().await;
-        assert!(hands.lock().waiting.len() <= limits::WORK_AHEAD);
-        for _ in 0..3 * limits::WORK_AHEAD {
-            release.send(()).unwrap();
-        }
-        all.join_all().await;
+        assert_eq!(told.recv(), Ok(1));
+        let next = told.recv_timeout(Duration::from_millis(100));
+        assert_eq!(next, Err(mpsc::RecvTimeoutError::Timeout));
+        first.await.unwrap().unwrap().unwrap();
+        second.await.unwrap().unwrap().unwrap();
+        assert_eq!(told.recv(), Ok(2));
     }
 
     #[tokio::test]
     async fn a_panic_costs_its_own_work_alone_and_what_nobody_waits_for_is_not_begun() {
-        let hands = Hands::new(1);
+        let hands = Arc::new(Hands::new(1));
         let (release, released) = mpsc::channel::<()>();
-        let (begun, mut has_begun) = oneshot::channel();
+        let (begun, has_begun) = oneshot::channel();
         let held = {
-            let hands = hands.clone();
+            let hands = Arc::clone(&hands);
             task::spawn(async move {
                 let work = move || {
                     begun.send(()).unwrap();
@@ -178,20 +118,21 @@ mod tests {
                 hands.run(work).await
             })
         };
-        (&mut has_begun).await.unwrap();
+        has_begun.await.unwrap();
         let (told, tells) = mpsc::channel();
         let abandoned = {
-            let hands = hands.clone();
+            let hands = Arc::clone(&hands);
             let told = told.clone();
             task::spawn(async move { hands.run(move || told.send("abandoned")).await })
         };
-        while hands.lock().waiting.is_empty() {
-            task::yield_now().await;
-        }
+        task::yield_now().await;
         abandoned.abort();
         assert!(abandoned.await.unwrap_err().is_cancelled());
+        // What is begun keeps its place when nobody waits for it any more.
+        held.abort();
+        assert!(held.await.unwrap_err().is_cancelled());
+        assert_eq!(hands.free.available_permits(), 0);
         release.send(()).unwrap();
-        assert_eq!(held.await.unwrap(), Ok(()));
         let panics = hands.run(|| -> u8 { panic!("a piece of work that panics on purpose") });
         assert_eq!(panics.await, Err(Interrupted));
         let after = hands.run(move || told.send("after").is_ok());

@@ -80,10 +80,6 @@ pub const UPLOAD_URL_LEASES: u32 = 15;
 /// image this bounds memory.
 pub const UPLOADS_AT_ONCE_MAX: usize = 16;
 
-/// Pieces of work that one thread is given before it is done with the first: enough that it does
-/// not fall asleep in between.
-pub const WORK_AHEAD: usize = 4;
-
 /// The largest specification file, bytes.
 pub const SPECIFICATION_BYTES_MAX: u64 = 4 << 20;
 
