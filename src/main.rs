@@ -28,13 +28,7 @@ mod worker_connect;
 mod workers;
 
 use clap::{Parser, Subcommand};
-use mimalloc::MiMalloc;
 use std::process::ExitCode;
-
-/// A call of the farm's protocol makes some hundred small allocations on either side: a tenth less
-/// processor time a job than with the system's allocator.
-#[global_allocator]
-static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Renders labelled material datasets.
 ///

@@ -22,7 +22,6 @@ use bytes::Bytes;
 use cheap_image::cheap_image;
 use coordinator::ReadOnlyStore;
 use dataset::{Digest, Specification};
-use mimalloc::MiMalloc;
 use process::Process;
 use proto::{
     FarmClient,
@@ -41,10 +40,6 @@ use std::{
     time::{Duration, Instant},
 };
 use tokio::{runtime, task::JoinSet};
-
-/// The program's, which real workers have.
-#[global_allocator]
-static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Jobs a second that a coordinator is to complete, made durable before they are acknowledged.
 const JOBS_PER_SECOND_MIN: f64 = 2000.0;
