@@ -2,7 +2,8 @@
 //! real gRPC over real sockets, one connection a worker, real images that are uploaded, checked and
 //! made durable.
 //!
-//! A worker does nothing but lease, upload and complete, one job after another. Without a pause the
+//! A worker does nothing but lease, upload and complete, one job after another; small images come
+//! with the completion, as from real workers. Without a pause the
 //! coordinator never waits for work: what is measured is its capacity, and latencies are those under
 //! the heaviest load that so many workers can make. With a pause for each job, as long as rendering
 //! it would take, latencies are those of a farm at work.
@@ -72,6 +73,8 @@ struct Load {
     side: u32,
     /// What a job takes a worker between its lease and its first upload.
     pause: Duration,
+    /// Whether the store stays when all is measured.
+    keeps_store: bool,
 }
 
 /// What came of it.
@@ -105,6 +108,7 @@ fn a_few_simulated_workers_share_the_work_fairly() {
         views: 2,
         side: 16,
         pause: Duration::ZERO,
+        keeps_store: false,
     });
 }
 
@@ -117,6 +121,7 @@ fn a_thousand_workers_and_jobs_of_one_small_image() {
         views: 1,
         side: 16,
         pause: Duration::ZERO,
+        keeps_store: true,
     });
     println!(
         "mark: {:.0} jobs/s of {JOBS_PER_SECOND_MIN}, p99 of a lease {:.1} ms of \
@@ -136,6 +141,7 @@ fn a_thousand_workers_and_jobs_as_the_preset_has_them() {
         views: 14,
         side: 128,
         pause: Duration::ZERO,
+        keeps_store: true,
     });
 }
 
@@ -148,6 +154,7 @@ fn a_thousand_workers_that_need_a_second_a_job() {
         views: 1,
         side: 16,
         pause: Duration::from_secs(1),
+        keeps_store: true,
     });
     println!(
         "mark: p99 of a lease {:.1} ms of {LEASE_P99_MAX_MS} at {:.0} jobs/s",
@@ -161,9 +168,8 @@ fn simulate(load: &Load) -> Figures {
     // ext4 looks at every file's number that was freed within minutes before it gives one out: a
     // measurement right after another's folder was removed measures that, so they stay until the
     // script has run all.
-    let measured = load.jobs > 1000;
     let folder = tempfile::Builder::new()
-        .disable_cleanup(measured)
+        .disable_cleanup(load.keeps_store)
         .tempdir()
         .unwrap();
     let mut specification = Specification::preset();

@@ -159,7 +159,7 @@ async fn upload_missing(
 ) -> Result<(), CallError> {
     let images = rendered.views.iter().zip(md5s);
     let mut waiting: Vec<(Upload, Bytes)> = images
-        .filter(|((digest, _), _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
+        .filter(|((digest, _), _)| is_among(digest, missing))
         .map(|((digest, image), md5)| {
             let upload = Upload {
                 digest: digest.as_bytes().to_vec(),
@@ -206,13 +206,17 @@ async fn upload_missing(
     unreachable!("attempts do not run out")
 }
 
+fn is_among(digest: &Digest, missing: &[Vec<u8>]) -> bool {
+    missing.iter().any(|bytes| bytes == digest.as_bytes())
+}
+
 /// Of a job's images those that are missing.
 fn missing_of<'a>(
     rendered: &'a RenderedJob,
     missing: &'a [Vec<u8>],
 ) -> impl Iterator<Item = &'a (Digest, RenderedView)> {
     let views = rendered.views.iter();
-    views.filter(|(digest, _)| missing.iter().any(|bytes| bytes == digest.as_bytes()))
+    views.filter(|(digest, _)| is_among(digest, missing))
 }
 
 fn bytes_of(rendered: &RenderedJob, missing: &[Vec<u8>]) -> u64 {
@@ -223,7 +227,7 @@ fn bytes_of(rendered: &RenderedJob, missing: &[Vec<u8>]) -> u64 {
 /// Puts images into the completion: a call less for each.
 fn bring_along(completion: &mut CompleteRequest, rendered: &RenderedJob, missing: &[Vec<u8>]) {
     for (view, (digest, image)) in completion.views.iter_mut().zip(&rendered.views) {
-        if missing.iter().any(|bytes| bytes == digest.as_bytes()) {
+        if is_among(digest, missing) {
             view.image = image.exr.clone().into();
         }
     }
