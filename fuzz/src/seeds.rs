@@ -217,7 +217,10 @@ fn calls() -> Vec<u8> {
         digests: digests.collect(),
     };
     call(b'M', find.encode_to_vec());
-    for (view, image) in done.views.iter().zip(images) {
+    // The first comes along with the completion.
+    let mut images = images.into_iter();
+    let brought = images.next();
+    for (view, image) in done.views[1..].iter().zip(images) {
         let put = proto::PutBlobRequest {
             digest: view.digest.as_bytes().to_vec(),
             size: view.bytes,
@@ -225,15 +228,23 @@ fn calls() -> Vec<u8> {
         };
         call(b'P', put.encode_to_vec());
     }
-    let views = done.views.iter().map(|view| proto::View {
-        digest: view.digest.as_bytes().to_vec(),
-        size: view.bytes,
-        statistics: Some(proto::ErrorStatistics {
-            mean: 1e-4,
-            ..proto::ErrorStatistics::default()
-        }),
-        ..proto::View::default()
-    });
+    let views = done
+        .views
+        .iter()
+        .enumerate()
+        .map(|(number, view)| proto::View {
+            digest: view.digest.as_bytes().to_vec(),
+            size: view.bytes,
+            statistics: Some(proto::ErrorStatistics {
+                mean: 1e-4,
+                ..proto::ErrorStatistics::default()
+            }),
+            image: match (number, &brought) {
+                (0, Some(image)) => image.clone().into(),
+                _ => Default::default(),
+            },
+            ..proto::View::default()
+        });
     let complete = proto::CompleteRequest {
         token: token.clone(),
         material: 0,
