@@ -78,23 +78,34 @@ mod tests {
         }
     }
 
-    /// Of a program of its own in Python, ChaCha20 included: T train, v validation, t test.
-    #[test]
-    fn splits_are_those_of_an_independent_program() {
-        let reference = "TvTtTTvTTtTTtTTvTTtTvTTTTTtTTvTtTvTT";
-        for (index, letter) in (0..).zip(reference.chars()) {
+    /// The splits from material `first` on, one letter each: T train, v validation, t test. The
+    /// letters come from a separate program in Python that has its own ChaCha20.
+    fn assert_splits(seed: u64, first: u32, letters: &str) {
+        for (index, letter) in (first..=u32::MAX).zip(letters.chars()) {
             let expected = match letter {
                 'T' => Split::Train,
                 'v' => Split::Validation,
                 _ => Split::Test,
             };
-            assert_eq!(split(2019, index), expected, "material {index}");
+            assert_eq!(split(seed, index), expected, "material {index}");
         }
     }
 
     #[test]
-    fn the_last_index_has_a_split() {
-        assert!(split(0, u32::MAX).name().len() > 3);
+    fn splits_are_those_of_an_independent_program() {
+        assert_splits(2019, 0, "TvTtTTvTTtTTtTTvTTtTvTTTTTtTTvTtTvTT");
+    }
+
+    /// The last 16 indices: two whole blocks and four materials of a block that has no end.
+    #[test]
+    fn the_last_splits_are_those_of_an_independent_program() {
+        for (seed, letters) in [
+            (0, "TTtvTTTTvTtTtTTv"),
+            (1, "TTvTtTvtTTTTTvTt"),
+            (2019, "TvTTTtTTTtvTtvTT"),
+        ] {
+            assert_splits(seed, u32::MAX - 15, letters);
+        }
     }
 
     #[test]

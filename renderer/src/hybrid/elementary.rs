@@ -82,6 +82,9 @@ pub fn asinh(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hybrid::batch::LANES;
+    use crate::instructions::{Instructions, kernel};
+    use dataset::Digest;
     use proptest::prelude::*;
 
     fn off(found: f64, expected: f64) -> f64 {
@@ -94,6 +97,47 @@ mod tests {
         assert_eq!(log1p(0.0), 0.0);
         assert!(exp(-1e9) < 1e-303 && exp(f64::NEG_INFINITY) < 1e-303);
         assert_eq!(log1p(1e-300), 1e-300);
+    }
+
+    kernel! {
+        pub fn exp_log1p_asinh(arguments: &[[f64; LANES]], values: &mut [[[f64; LANES]; 3]]) {
+            for (x, values) in arguments.iter().zip(values) {
+                for i in 0..LANES {
+                    values[0][i] = exp(-x[i]);
+                    values[1][i] = log1p(x[i]);
+                    values[2][i] = asinh(-x[i]);
+                }
+            }
+        }
+    }
+
+    /// The digest was written down on x86-64. Other processors must find the same bits, and so must
+    /// every instruction set.
+    #[test]
+    fn the_bits_are_those_written_down_on_every_instruction_set() {
+        const WRITTEN_DOWN: &str =
+            "c18349e803ae9ea2fcbb3ab50878995e80512819409a2610a02d7b986141da10";
+        // 0, a denormal, then 80,000 numbers from 1e-40 to 1e5 whose digits are irregular.
+        let mut argument = 1e-40;
+        let mut arguments = vec![[0.0; LANES], [f64::MIN_POSITIVE / 3.0; LANES]];
+        for _ in 0..10_000 {
+            arguments.push(std::array::from_fn(|_| {
+                argument *= 1.001_3;
+                argument
+            }));
+        }
+        assert!((1e5..1e6).contains(&argument), "{argument:e}");
+        for instructions in Instructions::available() {
+            let mut values = vec![[[0.0; LANES]; 3]; arguments.len()];
+            exp_log1p_asinh(instructions, &arguments, &mut values);
+            let numbers = values.as_flattened().as_flattened();
+            let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
+            assert_eq!(
+                Digest::of(&bytes).to_string(),
+                WRITTEN_DOWN,
+                "{instructions}"
+            );
+        }
     }
 
     proptest! {

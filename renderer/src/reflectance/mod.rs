@@ -77,15 +77,6 @@ impl Reflectance {
     /// The BRDF f(wi, wo), a steradian, linear Rec.709; zero unless both directions lie above the
     /// surface (equation 1).
     pub fn evaluate(&self, wi: Vec3, wo: Vec3) -> [f64; 3] {
-        self.evaluate_tinted(wi, wo, || self.tint(wi.z, wo.z))
-    }
-
-    /// The same with the [`Reflectance::tint_response`] of `wo` at hand.
-    pub fn evaluate_with(&self, response: &TintResponse, wi: Vec3, wo: Vec3) -> [f64; 3] {
-        self.evaluate_tinted(wi, wo, || response.at(fresnel::reflectance(wi.z, self.ior)))
-    }
-
-    fn evaluate_tinted(&self, wi: Vec3, wo: Vec3, tint: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
         if wi.z <= 0.0 || wo.z <= 0.0 {
             return [0.0; 3];
         }
@@ -95,8 +86,9 @@ impl Reflectance {
             // The half vector is left unnormalised: h.wi is half its length.
             let specular = self.lobe.normalization * FRAC_1_PI / 8.0 * self.lobe.power(half)
                 / (0.5 * half.length() * wi.z.max(wo.z));
-            let tint = tint();
-            value = tint.map(|channel| self.specular_share * channel * specular);
+            value = self
+                .tint(wi.z, wo.z)
+                .map(|channel| self.specular_share * channel * specular);
         }
         if self.specular_share < 1.0 {
             for (channel, rgb0) in value.iter_mut().zip(self.rgb0) {
