@@ -4,6 +4,7 @@ use super::Stage;
 use super::bulb::{self, BulbView, SlopeBatch};
 use super::chart::{LightBatch, LitChart};
 use super::exchange::Exchange;
+use super::glossy::{self, GlossyChart};
 use super::panel::PanelOnFilm;
 use super::slopes::Fineness;
 use super::small_bulb::SmallBulb;
@@ -69,6 +70,26 @@ impl Shade for ChartOffSample<'_> {
             instructions,
             scratch,
         )
+    }
+}
+
+/// The chart in a sample of a narrow lobe.
+pub struct ChartOffGlossySample<'a> {
+    pub stage: &'a Stage,
+    pub glossy: &'a GlossyChart<'a>,
+}
+
+impl Shade for ChartOffGlossySample<'_> {
+    type Scratch = glossy::Scratch;
+
+    fn at(
+        &self,
+        scratch: &mut glossy::Scratch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> ([f64; 3], u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        self.glossy.reflected(position, wo, fineness, scratch)
     }
 }
 

@@ -17,6 +17,7 @@ mod elementary;
 mod exchange;
 mod gather;
 mod gauss;
+mod glossy;
 mod light;
 mod mirror;
 mod panel;
@@ -29,21 +30,27 @@ mod tiling;
 use crate::film::{Film, FilmPixel};
 use crate::instructions::Instructions;
 use crate::reflectance::Reflectance;
-use crate::scene::{PinholeCamera, Scene};
+use crate::scene::{Bulb, PinholeCamera, Scene};
 use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
-use chart::LitChart;
+use chart::{LitChart, Panel};
 use dataset::specification::{Accuracy, Specification};
 pub use exchange::Exchange;
-use light::{BulbOffSample, ChartItself, ChartOffSample};
+use glossy::GlossyChart;
+use light::{BulbOffSample, ChartItself, ChartOffGlossySample, ChartOffSample};
 use mirror::MirroredChart;
 use panel::{PanelOnFilm, project};
 use polygon::Polygon;
 use slopes::Fineness;
 use tiling::{Canvas, Demand, Region};
 
-/// Evaluations after which nothing of a part of a view is refined any more: a few seconds.
-const EVALUATIONS_MAX: u64 = 400_000_000;
+/// Evaluations after which nothing of a part of a view is refined any more: so many, and so many for
+/// each pixel. They take about a second of a core at 128 x 128.
+const EVALUATIONS_MIN: u64 = 2_000_000;
+const EVALUATIONS_PER_PIXEL: u64 = 1_200;
+
+/// The same for the chart off a narrow lobe, where each takes three times as long.
+const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 200;
 
 /// The most of a sample's hemisphere that the chart fills, weighted by the cosine.
 const VIEW_FACTOR_MAX: f64 = 0.5;
@@ -68,6 +75,11 @@ const CHART_RULE_SHARE: f64 = 0.01;
 /// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
 const CHART_TILE: f64 = 2.0;
 
+/// The same two for the chart off a narrow lobe, which is smooth but where an edge of a patch runs
+/// along the lobe's wide axis.
+const GLOSSY_RULE_SHARE: f64 = 0.05;
+const GLOSSY_TILE: f64 = 6.0;
+
 /// The same two where the target is at least `COARSE`: a third of the work, and the stated errors
 /// still hold.
 const COARSE: f64 = 1e-2;
@@ -91,6 +103,7 @@ pub struct Stage {
     bulb_fineness: Fineness,
     chart_accuracy: Accuracy,
     chart_fineness: Fineness,
+    glossy_fineness: Fineness,
     /// How long the tiles of the chart in the sample are: see [`CHART_TILE`].
     chart_tile: f64,
     instructions: Instructions,
@@ -98,7 +111,8 @@ pub struct Stage {
 
 impl Stage {
     /// The stage of a view, `None` where the view is not of the kind that can be worked out: the
-    /// sample or the chart reaches behind the camera, or the camera sees the bulb itself.
+    /// sample or the chart reaches behind the camera, the camera sees the bulb itself, or the bulb
+    /// stands between chart and sample.
     pub fn new(scene: &Scene, specification: &Specification) -> Option<Self> {
         let size = [specification.image.width, specification.image.height];
         if scene.camera.may_see(scene.bulb.centre, scene.bulb.radius) {
@@ -127,6 +141,11 @@ impl Stage {
                 })
             }
         };
+        if let Some(panel) = &panel
+            && !stands_clear(&scene.bulb, half, &panel.panel)
+        {
+            return None;
+        }
         let accuracy = &specification.accuracy;
         let target = accuracy.relative.max(accuracy.absolute);
         let (chart_rule_share, chart_tile) = if target < COARSE {
@@ -154,6 +173,7 @@ impl Stage {
                 relative: CHART_SHARE * accuracy.relative,
             },
             chart_fineness: Fineness::new(chart_rule_share * target),
+            glossy_fineness: Fineness::new(GLOSSY_RULE_SHARE * target),
             chart_tile,
             instructions: Instructions::widest(),
         })
@@ -232,7 +252,7 @@ impl Stage {
             accuracy: &self.bulb_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: self.feature_pixels(0.5 * half_angle, distance, reflectance),
-            evaluations_max: EVALUATIONS_MAX,
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.bulb_fineness,
             function_error: 0.0,
         };
@@ -263,7 +283,7 @@ impl Stage {
             accuracy: &self.chart_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: f64::from(self.size[0]),
-            evaluations_max: EVALUATIONS_MAX,
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.chart_fineness,
             function_error: exchange.error(),
         };
@@ -290,17 +310,18 @@ impl Stage {
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
         });
-        if mirror::wanted(reflectance) {
+        if !glossy::wanted(reflectance) && mirror::wanted(reflectance) {
             return self.add_mirrored_chart(canvas, &chart, exchange.error(), reflectance, key);
         }
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
-        let demand = Demand {
+        let feature = self.feature_pixels(0.0, distance, reflectance);
+        let mut demand = Demand {
             accuracy: &self.chart_accuracy,
             faint: self.chart_accuracy.absolute,
             // What is as fine as the blur of a patch's edge shows at a tile's nodes.
-            side_max: self.chart_tile * self.feature_pixels(0.0, distance, reflectance),
-            evaluations_max: EVALUATIONS_MAX,
+            side_max: self.chart_tile * feature,
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.chart_fineness,
             function_error: VIEW_FACTOR_MAX * exchange.error(),
         };
@@ -308,6 +329,17 @@ impl Stage {
             outline: self.sample,
             factor: [1.0; 3],
         }];
+        if glossy::wanted(reflectance) {
+            demand.side_max = GLOSSY_TILE * feature;
+            demand.evaluations_max = self.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL);
+            demand.fineness = self.glossy_fineness;
+            let glossy = GlossyChart::new(&chart, reflectance, self.instructions);
+            let shade = ChartOffGlossySample {
+                stage: self,
+                glossy: &glossy,
+            };
+            return tiling::integrate(canvas, &self.sample, &regions, &demand, &shade);
+        }
         let shade = ChartOffSample {
             stage: self,
             chart: &chart,
@@ -349,6 +381,11 @@ impl Stage {
         evaluations
     }
 
+    /// The limit on evaluations for a part of the view.
+    fn evaluations_max(&self, per_pixel: u64) -> u64 {
+        EVALUATIONS_MIN + per_pixel * u64::from(self.size[0]) * u64::from(self.size[1])
+    }
+
     /// How many pixels a tile may span. A light that spans `half_slope` in the slope plane, blurred
     /// by the lobe, moves over the sample by twice its slope over the sum of the inverse distances.
     fn feature_pixels(&self, half_slope: f64, distance: f64, reflectance: &Reflectance) -> f64 {
@@ -361,4 +398,16 @@ impl Stage {
         let foreshortening = self.camera.position.z / camera;
         (FEATURES_PER_TILE * metres / pixel_metres * foreshortening).max(4.0)
     }
+}
+
+/// Whether the bulb stands beyond every line between a sample of half side `half` and the chart.
+///
+/// All of them lie below the plane through the sample's far edge and the chart's upper one, which
+/// both run along x, as seen from the side where the bulb stands in front of the chart.
+fn stands_clear(bulb: &Bulb, half: f64, panel: &Panel) -> bool {
+    let far = Vec3::new(0.0, -half, 0.0);
+    let [_, height] = panel.size();
+    let rise = panel.point(0.0, height) - far;
+    let upward = Vec3::new(0.0, -rise.z, rise.y);
+    upward.dot(bulb.centre - far) > bulb.radius * upward.length()
 }

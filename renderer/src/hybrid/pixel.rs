@@ -7,6 +7,10 @@ use super::polygon::Polygon;
 /// Halvings of a line across a pixel: edges of 1/4,000 of a pixel are resolved.
 const HALVINGS_MAX: u32 = 12;
 
+/// Points of a line across a pixel after which it is halved no more: what is left out then shows in
+/// the error.
+const LINE_POINTS_MAX: u32 = 600;
+
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
 /// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
 /// function changes faster.
@@ -62,6 +66,7 @@ fn line_integral(
 ) -> ([f64; 3], f64) {
     let (mut total, mut error) = ([0.0; 3], 0.0);
     let mut open = vec![(from, to, 0)];
+    let mut points = 0;
     while let Some((low, high, depth)) = open.pop() {
         let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
@@ -71,7 +76,8 @@ fn line_integral(
             add_scaled(&mut coarse, value, half * gauss);
         }
         let missed = largest_difference(fine, coarse);
-        if missed > tolerance && depth < HALVINGS_MAX {
+        points += KRONROD.len() as u32;
+        if missed > tolerance && depth < HALVINGS_MAX && points < LINE_POINTS_MAX {
             open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
             continue;
         }

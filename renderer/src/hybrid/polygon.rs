@@ -24,6 +24,12 @@ impl Rectangle {
         std::array::from_fn(|axis| self.high[axis] - self.low[axis])
     }
 
+    /// The corners.
+    pub fn corners(&self) -> [[f64; 2]; 4] {
+        let ([left, top], [right, bottom]) = (self.low, self.high);
+        [[left, top], [right, top], [right, bottom], [left, bottom]]
+    }
+
     /// The area.
     pub fn area(&self) -> f64 {
         let [width, height] = self.sides();
@@ -63,10 +69,16 @@ impl Rectangle {
         std::iter::once(low).chain(inner).chain([high]).collect()
     }
 
-    /// Two halves along an axis, parted between pixels where it spans several.
+    /// Whether a boundary between pixels lies inside along an axis.
+    pub fn spans_pixels(&self, axis: usize) -> bool {
+        self.low[axis].floor() + 1.0 < self.high[axis]
+    }
+
+    /// Two halves along an axis, parted between pixels wherever it spans several.
     pub fn halves(&self, axis: usize) -> [Self; 2] {
         let middle = 0.5 * (self.low[axis] + self.high[axis]);
-        let middle = if self.sides()[axis] > 1.0 {
+        // If any boundary lies inside, the nearest to the middle does.
+        let middle = if self.spans_pixels(axis) {
             middle.round()
         } else {
             middle
@@ -104,9 +116,8 @@ impl Polygon {
 
     /// From a rectangle.
     pub fn rectangle(rectangle: &Rectangle) -> Self {
-        let ([left, top], [right, bottom]) = (rectangle.low, rectangle.high);
         let mut corners = [[0.0; 2]; CORNERS_MAX];
-        corners[..4].copy_from_slice(&[[left, top], [right, top], [right, bottom], [left, bottom]]);
+        corners[..4].copy_from_slice(&rectangle.corners());
         Self { corners, count: 4 }
     }
 
@@ -281,6 +292,27 @@ mod tests {
             }
         }
         assert!((area - polygon.area()).abs() < 1e-12 && inside > 10);
+    }
+
+    #[test]
+    fn halves_are_never_empty_and_part_pixels_first() {
+        for (low, high) in [
+            (0.9, 1.2),
+            (0.05, 1.02),
+            (0.98, 1.95),
+            (0.2, 3.1),
+            (0.3, 0.6),
+        ] {
+            let whole = Rectangle {
+                low: [low, 0.0],
+                high: [high, 1.0],
+            };
+            let [first, second] = whole.halves(0);
+            let middle = first.high[0];
+            assert_eq!(middle, second.low[0]);
+            assert!(low < middle && middle < high, "{low} to {high}: {middle}");
+            assert_eq!(whole.spans_pixels(0), middle == middle.round());
+        }
     }
 
     #[test]

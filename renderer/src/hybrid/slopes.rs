@@ -11,6 +11,8 @@ const FINER_DIGITS: f64 = 3.3;
 #[derive(Clone, Copy, Debug)]
 pub struct Fineness {
     digits: f64,
+    /// Whether it is there to tell how far a coarser one is off.
+    check: bool,
 }
 
 impl Fineness {
@@ -18,6 +20,7 @@ impl Fineness {
     pub fn new(error: f64) -> Self {
         Self {
             digits: -libm::log10(error).clamp(-12.0, -2.0),
+            check: false,
         }
     }
 
@@ -30,6 +33,7 @@ impl Fineness {
     pub fn finer(self) -> Self {
         Self {
             digits: self.digits + FINER_DIGITS,
+            check: true,
         }
     }
 
@@ -42,6 +46,11 @@ impl Fineness {
         } else {
             libm::expm1(exponent).sqrt()
         }
+    }
+
+    /// Whether it was made by [`Fineness::finer`].
+    pub fn is_check(self) -> bool {
+        self.check
     }
 
     /// Whether no finer one would gain anything.

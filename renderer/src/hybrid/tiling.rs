@@ -20,6 +20,12 @@ const TERMS: usize = 8;
 /// The share of what is allowed that the rule at a tile's middle may miss.
 const RULE_SHARE: f64 = 0.1;
 
+/// What a tile is off by at its corners, where it is worst, counts by this share.
+const CORNER_SHARE: f64 = 0.25;
+
+/// Tiles that are worked out between two looks at the limit on evaluations.
+const TILES_A_LOOK: usize = 32;
+
 /// The narrowest tile that spans several pixels the other way.
 const STRIP_MIN: f64 = 0.125;
 
@@ -119,30 +125,33 @@ pub fn integrate<S: Shade>(
     };
     let mut open = roots(bounds, demand.side_max.max(1.0));
     let mut evaluations = 0;
-    // All tiles of a size before any smaller one: where evaluations run out, they do so everywhere,
-    // and what was spent does not depend on the schedule of threads.
+    // All tiles of a size come before any smaller one, so that evaluations run out everywhere at
+    // once. The limit is looked at after a fixed number of tiles, whatever the schedule of threads.
     while !open.is_empty() {
-        let effort = Effort::after(evaluations, demand.evaluations_max);
-        let grown: Vec<(Growth, u64)> = open
-            .par_iter()
-            .map_init(S::Scratch::default, |scratch, rectangle| {
-                tiling.grow(rectangle, effort, scratch)
-            })
-            .collect();
-        open.clear();
-        for (growth, spent) in grown {
-            evaluations += spent;
-            match growth {
-                Growth::Nothing => {}
-                Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
-                Growth::Pixel(cell, parts) => {
-                    for (region, (value, error)) in regions.iter().zip(parts) {
-                        add_region(canvas, &cell, region, value, error);
+        let mut smaller = Vec::new();
+        for tiles in open.chunks(TILES_A_LOOK) {
+            let effort = Effort::after(evaluations, demand.evaluations_max);
+            let grown: Vec<(Growth, u64)> = tiles
+                .par_iter()
+                .map_init(S::Scratch::default, |scratch, rectangle| {
+                    tiling.grow(rectangle, effort, scratch)
+                })
+                .collect();
+            for (growth, spent) in grown {
+                evaluations += spent;
+                match growth {
+                    Growth::Nothing => {}
+                    Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
+                    Growth::Pixel(cell, parts) => {
+                        for (region, (value, error)) in regions.iter().zip(parts) {
+                            add_region(canvas, &cell, region, value, error);
+                        }
                     }
+                    Growth::Halves(halves) => smaller.extend(halves),
                 }
-                Growth::Halves(halves) => open.extend(halves),
             }
         }
+        open = smaller;
     }
     evaluations
 }
@@ -276,11 +285,22 @@ impl<S: Shade> Tiling<'_, S> {
         let values = nodes.map(|node| evaluate(node, fineness));
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
-        if fit.error <= allowed || effort == Effort::None {
-            return (Growth::Tile(Box::new(tile), fit.error + missed), spent);
+        // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
+        // there shows at the corners.
+        let off_corners = rectangle
+            .corners()
+            .map(|corner| {
+                let found = evaluate(corner, fineness);
+                pixel::largest_difference(found, tile.value(corner))
+            })
+            .into_iter()
+            .fold(0.0, f64::max);
+        let fit_error = fit.error.max(CORNER_SHARE * off_corners);
+        if fit_error <= allowed || effort == Effort::None {
+            return (Growth::Tile(Box::new(tile), fit_error + missed), spent);
         }
         let steep = usize::from(fit.tails[1] > fit.tails[0]);
-        if let Some(axis) = axis_to_halve(rectangle.sides(), steep) {
+        if let Some(axis) = axis_to_halve(rectangle, steep) {
             return (Growth::Halves(rectangle.halves(axis)), spent);
         }
         let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
@@ -312,12 +332,13 @@ impl<S: Shade> Tiling<'_, S> {
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a
-/// pixel where that saves halving the other, which changes little over several pixels.
-fn axis_to_halve(sides: [f64; 2], steep: usize) -> Option<usize> {
-    let other = 1 - steep;
-    if sides[steep] > 1.0 || (sides[other] > 2.0 && sides[steep] > STRIP_MIN) {
+/// pixel where that saves halving the other, which changes little over several pixels. None for a
+/// part of one pixel.
+fn axis_to_halve(rectangle: &Rectangle, steep: usize) -> Option<usize> {
+    let (sides, other) = (rectangle.sides(), 1 - steep);
+    if rectangle.spans_pixels(steep) || (sides[other] > 2.0 && sides[steep] > STRIP_MIN) {
         Some(steep)
-    } else if sides[other] > 1.0 {
+    } else if rectangle.spans_pixels(other) {
         Some(other)
     } else {
         None
