@@ -145,7 +145,7 @@ impl Exchange {
         if bounces_max > 2 && sheet {
             exchange.error += SHEET_TWICE_MAX;
         } else if bounces_max > 2 {
-            let direct = panel.lit(|at| [stage.bulb_on_chart(panel, at); 3]);
+            let direct = panel.lit(1, |at| [stage.bulb_on_chart(panel, at); 3]);
             if coarse {
                 let lower_edge = [0.5 * width, 0.0];
                 let points = receiver.points(lower_edge, TWICE_POINTS[0]);
@@ -164,7 +164,7 @@ impl Exchange {
             exchange.twice = Some(tile);
             exchange.evaluations += spent;
             if bounces_max > 3 {
-                let indirect = panel.lit(|at| exchange.once_at(place(at, exchange.gap)));
+                let indirect = panel.lit(1, |at| exchange.once_at(place(at, exchange.gap)));
                 let (tile, error, spent) = receiver.to_and_fro(&indirect, reflectance);
                 exchange.error += error;
                 exchange.thrice = Some(tile);

@@ -6,6 +6,7 @@ use super::chart::{LightBatch, LitChart};
 use super::exchange::Exchange;
 use super::glossy::{self, GlossyChart};
 use super::panel::PanelOnFilm;
+use super::pixel::largest_difference;
 use super::slopes::Fineness;
 use super::small_bulb::SmallBulb;
 use super::tiling::Shade;
@@ -53,6 +54,8 @@ impl Shade for ChartItself<'_> {
 pub struct ChartOffSample<'a> {
     pub stage: &'a Stage,
     pub chart: &'a LitChart,
+    /// The same in smaller parts, which tells what its parabolas miss.
+    pub finer: &'a LitChart,
     pub reflectance: &'a Reflectance,
 }
 
@@ -60,9 +63,32 @@ impl Shade for ChartOffSample<'_> {
     type Scratch = LightBatch;
 
     fn at(&self, scratch: &mut LightBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        self.off(self.chart, scratch, place, fineness)
+    }
+
+    fn light_error(
+        &self,
+        scratch: &mut LightBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> (f64, u32) {
+        let [(coarse, first), (fine, second)] =
+            [self.chart, self.finer].map(|chart| self.off(chart, scratch, place, fineness));
+        (largest_difference(coarse, fine), first + second)
+    }
+}
+
+impl ChartOffSample<'_> {
+    fn off(
+        &self,
+        chart: &LitChart,
+        scratch: &mut LightBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> ([f64; 3], u32) {
         let (position, wo) = self.stage.sample_point(place);
         let instructions = self.stage.instructions;
-        self.chart.reflected(
+        chart.reflected(
             position,
             wo,
             self.reflectance,
@@ -77,6 +103,8 @@ impl Shade for ChartOffSample<'_> {
 pub struct ChartOffGlossySample<'a> {
     pub stage: &'a Stage,
     pub glossy: &'a GlossyChart<'a>,
+    /// The same with the chart in smaller parts.
+    pub finer: &'a GlossyChart<'a>,
 }
 
 impl Shade for ChartOffGlossySample<'_> {
@@ -90,6 +118,18 @@ impl Shade for ChartOffGlossySample<'_> {
     ) -> ([f64; 3], u32) {
         let (position, wo) = self.stage.sample_point(place);
         self.glossy.reflected(position, wo, fineness, scratch)
+    }
+
+    fn light_error(
+        &self,
+        scratch: &mut glossy::Scratch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> (f64, u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        let [(coarse, first), (fine, second)] = [self.glossy, self.finer]
+            .map(|glossy| glossy.reflected(position, wo, fineness, scratch));
+        (largest_difference(coarse, fine), first + second)
     }
 }
 

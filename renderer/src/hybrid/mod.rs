@@ -65,6 +65,9 @@ const FEATURES_PER_TILE: f64 = 3.0;
 const BULB_SHARE: f64 = 0.1;
 const CHART_SHARE: f64 = 0.4;
 
+/// The chart's reflection is at least so much of white where its relative target counts.
+const FAINT_CHART: f64 = 0.1;
+
 /// What is too faint for the relative target, as a share of the absolute one.
 const BULB_FAINT: f64 = 1e-4;
 
@@ -304,15 +307,23 @@ impl Stage {
         reflectance: &Reflectance,
         key: u64,
     ) -> u64 {
-        let chart = panel.lit(|at| {
+        // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
+        // of it, and its part shows in `light_error`.
+        let least = self.chart_accuracy.absolute;
+        let allowed = least.max(self.chart_accuracy.relative * FAINT_CHART);
+        let (parts, missed) = panel.parts(allowed, |at| [self.bulb_on_chart(panel, at); 3]);
+        let irradiance = |at: [f64; 2]| {
             let direct = self.bulb_on_chart(panel, at);
             exchange
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
-        });
+        };
+        let chart = panel.lit(parts, irradiance);
         if !glossy::wanted(reflectance) && mirror::wanted(reflectance) {
-            return self.add_mirrored_chart(canvas, &chart, exchange.error(), reflectance, key);
+            let chart_error = exchange.error() + missed;
+            return self.add_mirrored_chart(canvas, &chart, chart_error, reflectance, key);
         }
+        let finer = panel.lit(2 * parts, irradiance);
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
         let feature = self.feature_pixels(0.0, distance, reflectance);
@@ -333,16 +344,19 @@ impl Stage {
             demand.side_max = GLOSSY_TILE * feature;
             demand.evaluations_max = self.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL);
             demand.fineness = self.glossy_fineness;
-            let glossy = GlossyChart::new(&chart, reflectance, self.instructions);
+            let glossy = [&chart, &finer]
+                .map(|chart| GlossyChart::new(chart, reflectance, self.instructions));
             let shade = ChartOffGlossySample {
                 stage: self,
-                glossy: &glossy,
+                glossy: &glossy[0],
+                finer: &glossy[1],
             };
             return tiling::integrate(canvas, &self.sample, &regions, &demand, &shade);
         }
         let shade = ChartOffSample {
             stage: self,
             chart: &chart,
+            finer: &finer,
             reflectance,
         };
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)

@@ -1,6 +1,6 @@
 //! The chart's panel and its patches on the film.
 
-use super::chart::{LIGHT_NODES, LitChart, Panel};
+use super::chart::{LIGHT_NODES, LitChart, Panel, patch_at};
 use super::polygon::Polygon;
 use super::tiling::Region;
 use crate::scene::PinholeCamera;
@@ -45,24 +45,86 @@ impl PanelOnFilm {
         [column, self.panel.rows - 1 - row].map(|step| f64::from(step) * self.panel.pitch)
     }
 
-    /// The chart under the light that `irradiance` (over pi) gives.
-    pub fn lit(&self, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> LitChart {
-        let light = (0..self.patches.len())
-            .map(|index| {
-                let [a, b] = self.low_corner(index);
-                let step = self.panel.pitch / (LIGHT_NODES - 1) as f64;
-                std::array::from_fn(|j| {
+    /// Into how many parts a patch's side has to be cut for the parabolas of [`PanelOnFilm::lit`] to
+    /// tell radiance to `allowed`, and what they then miss of it.
+    pub fn parts(&self, allowed: f64, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> (u32, f64) {
+        let mut parts = 1;
+        loop {
+            let missed = self.missed(&self.lit(parts, &irradiance), &irradiance);
+            let more = (2 * parts) * (2 * parts) * self.patches.len() as u32;
+            if missed <= allowed || more > PATCHES_MAX {
+                return (parts, missed);
+            }
+            parts *= 2;
+        }
+    }
+
+    /// The chart under the light that `irradiance` (over pi) gives, each patch parted into `parts` by
+    /// `parts`.
+    pub fn lit(&self, parts: u32, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> LitChart {
+        let mut panel = self.panel;
+        panel.pitch /= f64::from(parts);
+        panel.columns *= parts;
+        panel.rows *= parts;
+        let step = panel.pitch / (LIGHT_NODES - 1) as f64;
+        let (mut patches, mut light) = (Vec::new(), Vec::new());
+        for row in (0..panel.rows).rev() {
+            for column in 0..panel.columns {
+                let whole = (self.panel.rows - 1 - row / parts) * self.panel.columns;
+                patches.push(self.patches[(whole + column / parts) as usize]);
+                let [a, b] = [column, row].map(|index| f64::from(index) * panel.pitch);
+                light.push(std::array::from_fn(|j| {
                     std::array::from_fn(|i| irradiance([a + step * i as f64, b + step * j as f64]))
-                })
-            })
-            .collect();
+                }));
+            }
+        }
         LitChart {
-            panel: self.panel,
-            patches: self.patches.clone(),
+            panel,
+            patches,
             light,
         }
     }
+
+    /// A bound of what the parabolas of a chart miss, from where a cubic term shows most.
+    fn missed(&self, chart: &LitChart, irradiance: &impl Fn([f64; 2]) -> [f64; 3]) -> f64 {
+        let Panel {
+            pitch,
+            columns,
+            rows,
+            ..
+        } = chart.panel;
+        let mut missed = 0.0f64;
+        for row in 0..rows {
+            for column in 0..columns {
+                let patch = chart.patch(column, row);
+                let colour = &chart.patches[patch];
+                for [across, up] in PROBES {
+                    let at = [f64::from(column) + across, f64::from(row) + up];
+                    let exact = irradiance(at.map(|at| at * pitch));
+                    let found = patch_at(&chart.light[patch], colour, [across, up]);
+                    for channel in 0..3 {
+                        let off = found[channel] - colour[channel] * exact[channel];
+                        missed = missed.max(off.abs());
+                    }
+                }
+            }
+        }
+        MISSED_MARGIN * missed
+    }
 }
+
+/// The most patches that a chart is parted into where its light bends.
+const PATCHES_MAX: u32 = 4096;
+
+/// Where a parabola through 0, 1/2 and 1 misses most of a cubic: at (1 -+ 1/sqrt(3))/2.
+const PROBES: [[f64; 2]; 4] = {
+    const LOW: f64 = 0.211_324_865_405_187_13;
+    const HIGH: f64 = 1.0 - LOW;
+    [[LOW, LOW], [HIGH, LOW], [LOW, HIGH], [HIGH, HIGH]]
+};
+
+/// What is missed between the probes is at most this many times what is missed at them.
+const MISSED_MARGIN: f64 = 1.5;
 
 /// The outline of a quadrilateral on the film; `None` where it reaches behind the camera.
 pub fn project(camera: &PinholeCamera, corners: [Vec3; 4]) -> Option<Polygon> {

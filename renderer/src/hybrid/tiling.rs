@@ -97,6 +97,17 @@ pub trait Shade: Sync {
         place: [f64; 2],
         fineness: Fineness,
     ) -> ([f64; 3], u32);
+
+    /// What the function is off by at a place because of what it is told of the light, and
+    /// evaluations.
+    fn light_error(
+        &self,
+        _scratch: &mut Self::Scratch,
+        _place: [f64; 2],
+        _fineness: Fineness,
+    ) -> (f64, u32) {
+        (0.0, 0)
+    }
 }
 
 /// Adds the integrals of `shade` over the pixels of the regions, which lie inside `outline`.
@@ -259,7 +270,11 @@ impl<S: Shade> Tiling<'_, S> {
             return (Growth::Nothing, 0);
         }
         let demand = self.demand;
-        let mut spent = 0;
+        let [low, high] = [rectangle.low, rectangle.high];
+        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        let (light_error, first) = self.shade.light_error(scratch, middle, demand.fineness);
+        let function_error = demand.function_error + light_error;
+        let mut spent = u64::from(first);
         let mut evaluate = |place: [f64; 2], fineness: Fineness| {
             let (value, evaluations) = self.shade.at(scratch, place, fineness);
             spent += u64::from(evaluations);
@@ -267,8 +282,6 @@ impl<S: Shade> Tiling<'_, S> {
         };
         // What was added before counts: a pixel's target is for all of it.
         let before = self.before.least(rectangle, self.outline);
-        let [low, high] = [rectangle.low, rectangle.high];
-        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
         // What a rule misses shows against the next finer one.
         let mut fineness = demand.fineness;
         let mut coarse = evaluate(middle, fineness);
@@ -277,7 +290,7 @@ impl<S: Shade> Tiling<'_, S> {
             let missed = pixel::largest_difference(coarse, fine);
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
             if missed <= RULE_SHARE * self.allowed(brightness, effort) || fineness.is_finest() {
-                break missed + demand.function_error;
+                break missed + function_error;
             }
             (fineness, coarse) = (fineness.finer(), fine);
         };
