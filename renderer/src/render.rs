@@ -1,11 +1,11 @@
 //! One view of a material: paths over the film, their error, and the file.
 
-use crate::exchange_cache::ExchangeCache;
 use crate::exr_file::{self, ExrError};
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
 use crate::hybrid::Stage;
 use crate::instructions::Instructions;
+use crate::interreflection_cache::InterreflectionCache;
 use crate::path;
 use crate::reflectance::Reflectance;
 use crate::replicates::{REPLICATES, estimate};
@@ -24,7 +24,7 @@ pub struct Renderer {
     specification: Specification,
     specification_hash: Digest,
     views: Vec<PreparedView>,
-    exchanges: ExchangeCache,
+    interreflections: InterreflectionCache,
 }
 
 /// A view's scene and, where the hybrid integrator is wanted and can render it, its stage.
@@ -104,7 +104,7 @@ impl Renderer {
             specification: specification.clone(),
             specification_hash: specification.hash(),
             views,
-            exchanges: ExchangeCache::default(),
+            interreflections: InterreflectionCache::default(),
         })
     }
 
@@ -163,13 +163,14 @@ impl Renderer {
             Some(stage) => {
                 let light_deg = view_specification.light_elevation_deg;
                 let mut stages = Vec::new();
-                let exchange = timed(&mut stages, "exchange", || {
-                    self.exchanges.get(material, [rotation_deg, light_deg], || {
-                        stage.exchange(&reflectance)
-                    })
+                let interreflection = timed(&mut stages, "interreflection", || {
+                    self.interreflections
+                        .get(material, [rotation_deg, light_deg], || {
+                            stage.interreflection(&reflectance)
+                        })
                 });
                 let (film, evaluations, others) =
-                    stage.render(&reflectance, exchange.as_deref(), key);
+                    stage.render(&reflectance, interreflection.as_deref(), key);
                 stages.extend(others);
                 (film, 0, evaluations, stages)
             }

@@ -3,10 +3,10 @@
 use super::Stage;
 use super::bulb::{self, BulbView, SlopeBatch};
 use super::chart::{LightBatch, LitChart};
-use super::exchange::Exchange;
+use super::interreflection::Interreflection;
+use super::interreflection::small_bulb::SmallBulb;
 use super::panel::PanelOnFilm;
 use super::slopes::Fineness;
-use super::small_bulb::SmallBulb;
 use super::tiling::Shade;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
@@ -31,7 +31,7 @@ impl Shade for BulbOffSample<'_> {
 pub struct ChartItself<'a> {
     pub stage: &'a Stage,
     pub panel: &'a PanelOnFilm,
-    pub exchange: &'a Exchange,
+    pub interreflection: &'a Interreflection,
 }
 
 impl Shade for ChartItself<'_> {
@@ -43,7 +43,7 @@ impl Shade for ChartItself<'_> {
         // Nodes of a tile can lie beyond the panel's vanishing line.
         let at = panel.meet(ray.origin, ray.direction).unwrap_or([0.0; 2]);
         let direct = self.stage.bulb_on_chart(self.panel, at);
-        let indirect = self.exchange.on_chart(at);
+        let indirect = self.interreflection.on_chart(at);
         (indirect.map(|channel| channel + direct), 0)
     }
 }

@@ -3,7 +3,7 @@
 //! A scene of a flat sample, a bulb and a chart in front of which the bulb stands has no shadows.
 //! So the bulb's light off the sample is a cubature over the bulb ([`bulb`]), the bulb's light on
 //! the chart a closed form, what the chart sends to the sample a cubature over its patches
-//! ([`chart`]), and what the sample sends to the chart one over the sample ([`exchange`]). Each is a
+//! ([`chart`]), and what the sample sends to the chart one over the sample ([`interreflection`]). Each is a
 //! smooth function of the film, or one with edges at known scales, and pixels are its integrals
 //! ([`tiling`]).
 //!
@@ -14,16 +14,15 @@ mod bulb;
 pub(crate) mod chart;
 mod chebyshev;
 mod elementary;
-mod exchange;
 mod gather;
 mod gauss;
+mod interreflection;
 mod light;
 mod mirror;
 mod panel;
 mod pixel;
 mod polygon;
 mod slopes;
-mod small_bulb;
 mod tiling;
 
 use crate::film::{Film, FilmPixel};
@@ -34,7 +33,7 @@ use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
 use chart::LitChart;
 use dataset::specification::{Accuracy, Specification};
-pub use exchange::Exchange;
+pub use interreflection::Interreflection;
 use light::{BulbOffSample, ChartItself, ChartOffSample};
 use mirror::MirroredChart;
 use panel::{PanelOnFilm, project};
@@ -169,17 +168,17 @@ impl Stage {
 
     /// What sample and chart send each other: the same for all views with one light and one turn of
     /// the sample. `None` for a view without chart.
-    pub fn exchange(&self, reflectance: &Reflectance) -> Option<Exchange> {
+    pub fn interreflection(&self, reflectance: &Reflectance) -> Option<Interreflection> {
         let panel = self.panel.as_ref()?;
-        Some(Exchange::new(self, panel, reflectance))
+        Some(Interreflection::new(self, panel, reflectance))
     }
 
-    /// Renders the view, counts evaluations of the reflectance, and times the stages. `exchange` is
-    /// that of [`Stage::exchange`], if it is at hand, and then no stage; `key` names the image, for what is sampled.
+    /// Renders the view, counts evaluations of the reflectance, and times the stages. `interreflection` is
+    /// that of [`Stage::interreflection`], if it is at hand, and then no stage; `key` names the image, for what is sampled.
     pub fn render(
         &self,
         reflectance: &Reflectance,
-        exchange: Option<&Exchange>,
+        interreflection: Option<&Interreflection>,
         key: u64,
     ) -> (Film, u64, Vec<StageTime>) {
         let [width, height] = self.size;
@@ -195,20 +194,20 @@ impl Stage {
         });
         if let Some(panel) = &self.panel {
             let mut own = None;
-            let exchange = match exchange {
-                Some(exchange) => exchange,
-                None => timed(&mut stages, "exchange", || {
-                    own.insert(Exchange::new(self, panel, reflectance))
+            let interreflection = match interreflection {
+                Some(interreflection) => interreflection,
+                None => timed(&mut stages, "interreflection", || {
+                    own.insert(Interreflection::new(self, panel, reflectance))
                 }),
             };
             // Counted with every view, so that an image's label does not tell what was at hand.
-            evaluations += exchange.evaluations();
+            evaluations += interreflection.evaluations();
             timed(&mut stages, "chart", || {
-                self.add_chart(&mut canvas, panel, exchange);
+                self.add_chart(&mut canvas, panel, interreflection);
             });
             if self.bounces_max > 1 {
                 evaluations += timed(&mut stages, "reflected chart", || {
-                    self.add_reflected_chart(&mut canvas, panel, exchange, reflectance, key)
+                    self.add_reflected_chart(&mut canvas, panel, interreflection, reflectance, key)
                 });
             }
         }
@@ -248,7 +247,12 @@ impl Stage {
     }
 
     /// The chart itself.
-    fn add_chart(&self, canvas: &mut Canvas<'_>, panel: &PanelOnFilm, exchange: &Exchange) {
+    fn add_chart(
+        &self,
+        canvas: &mut Canvas<'_>,
+        panel: &PanelOnFilm,
+        interreflection: &Interreflection,
+    ) {
         let regions: Vec<Region> = panel
             .regions(&self.camera)
             .filter(|region| {
@@ -265,12 +269,12 @@ impl Stage {
             side_max: f64::from(self.size[0]),
             evaluations_max: EVALUATIONS_MAX,
             fineness: self.chart_fineness,
-            function_error: exchange.error(),
+            function_error: interreflection.error(),
         };
         let shade = ChartItself {
             stage: self,
             panel,
-            exchange,
+            interreflection,
         };
         tiling::integrate(canvas, &panel.outline, &regions, &demand, &shade);
     }
@@ -280,18 +284,24 @@ impl Stage {
         &self,
         canvas: &mut Canvas<'_>,
         panel: &PanelOnFilm,
-        exchange: &Exchange,
+        interreflection: &Interreflection,
         reflectance: &Reflectance,
         key: u64,
     ) -> u64 {
         let chart = panel.lit(|at| {
             let direct = self.bulb_on_chart(panel, at);
-            exchange
+            interreflection
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
         });
         if mirror::wanted(reflectance) {
-            return self.add_mirrored_chart(canvas, &chart, exchange.error(), reflectance, key);
+            return self.add_mirrored_chart(
+                canvas,
+                &chart,
+                interreflection.error(),
+                reflectance,
+                key,
+            );
         }
         let [_, height] = panel.panel.size();
         let distance = 0.5 * (panel.panel.corner.y.abs() + height);
@@ -302,7 +312,7 @@ impl Stage {
             side_max: self.chart_tile * self.feature_pixels(0.0, distance, reflectance),
             evaluations_max: EVALUATIONS_MAX,
             fineness: self.chart_fineness,
-            function_error: VIEW_FACTOR_MAX * exchange.error(),
+            function_error: VIEW_FACTOR_MAX * interreflection.error(),
         };
         let regions = [Region {
             outline: self.sample,

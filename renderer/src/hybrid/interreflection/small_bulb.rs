@@ -1,8 +1,8 @@
 //! The bulb's light off many points of the sample at once, for lobes over which the bulb is small.
 
-use super::batch::{Batch, LANES};
-use super::elementary::{exp, log1p};
-use super::exchange::Sent;
+use super::super::batch::{Batch, LANES};
+use super::super::elementary::{exp, log1p};
+use super::Sent;
 use crate::instructions::{Instructions, kernel};
 use crate::reflectance::{Reflectance, TintResponse, fresnel, lobe::Lobe};
 use crate::vector::Vec3;

@@ -8,6 +8,8 @@
 //! so the half vectors between them have slopes of about 1: a lobe that is narrow along both axes
 //! sends nothing to the chart (5e-7 at an exponent of 37).
 
+pub(in crate::hybrid) mod small_bulb;
+
 use super::Stage;
 use super::chart::{LightBatch, LitChart};
 use super::chebyshev::{Basis, Tile, add_scaled};
@@ -27,21 +29,21 @@ const EXPONENT_MAX: f64 = 36.0;
 const SHEET_EXPONENT: f64 = 300.0;
 
 /// What a lobe that is a thin sheet sends to and fro is below this and is left out.
-const SHEET_TWICE_MAX: f64 = 3e-5;
+const SHEET_HIGHER_MAX: f64 = 3e-5;
 
 /// A chart that comes closer to the sample counts as being this many metres away.
 const GAP_MIN: f64 = 1e-3;
 
 /// Points of the rule over the sample, along x and y, and of the next finer one; and where much is
 /// allowed.
-const ONCE_POINTS: [[usize; 2]; 2] = [[10, 10], [14, 14]];
-const ONCE_POINTS_COARSE: [[usize; 2]; 2] = [[6, 6], [10, 10]];
+const ORDER_1_POINTS: [[usize; 2]; 2] = [[10, 10], [14, 14]];
+const ORDER_1_POINTS_COARSE: [[usize; 2]; 2] = [[6, 6], [10, 10]];
 
 /// The same for a lobe that is a thin sheet, whose light off the sample is a narrow band.
 const SHEET_POINTS: [[usize; 2]; 2] = [[20, 20], [28, 28]];
 
 /// The same for what goes to and fro.
-const TWICE_POINTS: [[usize; 2]; 2] = [[4, 6], [6, 8]];
+const HIGHER_POINTS: [[usize; 2]; 2] = [[4, 6], [6, 8]];
 
 /// Where so much of white is allowed to the chart, coarse rules do, and what goes to and fro may be
 /// left out.
@@ -49,19 +51,19 @@ const COARSE_FROM: f64 = 2e-4;
 
 /// What goes to and fro is less than this many times what it is at the middle of the chart's lower
 /// edge: once for all the chart, and once for the light that has been off the sample before.
-const TWICE_MARGIN: f64 = 2.0;
+const HIGHER_MARGIN: f64 = 2.0;
 
 /// How fine the light off a sheet is worked out, and what goes to and fro.
 const SHEET_ERROR: f64 = 1e-3;
-const TWICE_ERROR: f64 = 1e-2;
+const HIGHER_ERROR: f64 = 1e-2;
 
 /// Of what is allowed to the chart, the share for the light off the sample.
-const ONCE_SHARE: f64 = 0.25;
+const ORDER_1_SHARE: f64 = 0.25;
 
 /// Terms of the series for the light off the sample, and for what goes to and fro.
-const ONCE_TERMS: usize = 8;
-const TWICE_TERMS: usize = 5;
-const ONCE_TERMS_COARSE: usize = 5;
+const ORDER_1_TERMS: usize = 8;
+const HIGHER_TERMS: usize = 5;
+const ORDER_1_TERMS_COARSE: usize = 5;
 
 /// Tiles of the light off the sample are halved no more than this often, and of that off a sheet,
 /// which takes a hundred times the work.
@@ -71,13 +73,13 @@ const SHEET_HALVINGS_MAX: u32 = 3;
 /// Irradiance over pi on the chart, in units of white, by how it came. The tiles span a and
 /// ln(1 + b/gap) with the gap between sample and chart: near the sample it changes fastest.
 #[derive(Debug)]
-pub struct Exchange {
+pub struct Interreflection {
     /// From the bulb by way of the sample.
-    once: Vec<Tile<ONCE_TERMS>>,
+    order_1: Vec<Tile<ORDER_1_TERMS>>,
     /// From the bulb by way of the chart and the sample.
-    twice: Option<Tile<TWICE_TERMS>>,
+    order_2: Option<Tile<HIGHER_TERMS>>,
     /// From the bulb by way of the sample, the chart and the sample again.
-    thrice: Option<Tile<TWICE_TERMS>>,
+    order_3: Option<Tile<HIGHER_TERMS>>,
     /// A bound of what the sum is off by.
     error: f64,
     evaluations: u64,
@@ -87,9 +89,13 @@ pub struct Exchange {
     bounces_max: u32,
 }
 
-impl Exchange {
+impl Interreflection {
     /// Works out what the paths of so many bounces take. It does not depend on the camera.
-    pub(super) fn new(stage: &Stage, panel: &PanelOnFilm, reflectance: &Reflectance) -> Self {
+    pub(in crate::hybrid) fn new(
+        stage: &Stage,
+        panel: &PanelOnFilm,
+        reflectance: &Reflectance,
+    ) -> Self {
         let bounces_max = stage.bounces_max;
         let lobe = &reflectance.lobe;
         let receiver = Receiver {
@@ -97,10 +103,10 @@ impl Exchange {
             panel,
             gap: (panel.panel.corner.y - stage.sample_half).max(GAP_MIN),
         };
-        let mut exchange = Self {
-            once: Vec::new(),
-            twice: None,
-            thrice: None,
+        let mut interreflection = Self {
+            order_1: Vec::new(),
+            order_2: None,
+            order_3: None,
             error: 0.0,
             evaluations: 0,
             gap: receiver.gap,
@@ -108,19 +114,19 @@ impl Exchange {
             bounces_max,
         };
         if reflectance.specular_share == 1.0 && lobe.n_v > EXPONENT_MAX {
-            return exchange;
+            return interreflection;
         }
         let sheet = lobe.n_u > SHEET_EXPONENT;
         let [width, height] = panel.panel.size();
         let direct = stage.bulb_on_chart(panel, [0.5 * width, 0.5 * height]);
         let accuracy = &stage.chart_accuracy;
-        let allowed = ONCE_SHARE * accuracy.absolute.max(accuracy.relative * direct);
+        let allowed = ORDER_1_SHARE * accuracy.absolute.max(accuracy.relative * direct);
         let coarse = allowed >= COARSE_FROM;
         if bounces_max > 1 {
             let (tiles, error, spent) = if sheet {
                 let fineness = Fineness::new(SHEET_ERROR);
                 let rule = (SHEET_POINTS, SHEET_HALVINGS_MAX);
-                receiver.adaptive::<ONCE_TERMS, _>(allowed, rule, |batch, positions| {
+                receiver.adaptive::<ORDER_1_TERMS, _>(allowed, rule, |batch, positions| {
                     sum_over(positions, |position, toward| {
                         stage.bulb_off_sample(position, toward, reflectance, fineness, batch)
                     })
@@ -131,47 +137,48 @@ impl Exchange {
                     bulb.off_sample(reflectance, stage.instructions, positions, batch)
                 };
                 if coarse {
-                    let rule = (ONCE_POINTS_COARSE, HALVINGS_MAX);
-                    receiver.adaptive::<ONCE_TERMS_COARSE, _>(allowed, rule, off_sample)
+                    let rule = (ORDER_1_POINTS_COARSE, HALVINGS_MAX);
+                    receiver.adaptive::<ORDER_1_TERMS_COARSE, _>(allowed, rule, off_sample)
                 } else {
-                    let rule = (ONCE_POINTS, HALVINGS_MAX);
-                    receiver.adaptive::<ONCE_TERMS, _>(allowed, rule, off_sample)
+                    let rule = (ORDER_1_POINTS, HALVINGS_MAX);
+                    receiver.adaptive::<ORDER_1_TERMS, _>(allowed, rule, off_sample)
                 }
             };
-            exchange.error += error;
-            exchange.once = tiles;
-            exchange.evaluations += spent;
+            interreflection.error += error;
+            interreflection.order_1 = tiles;
+            interreflection.evaluations += spent;
         }
         if bounces_max > 2 && sheet {
-            exchange.error += SHEET_TWICE_MAX;
+            interreflection.error += SHEET_HIGHER_MAX;
         } else if bounces_max > 2 {
             let direct = panel.lit(|at| [stage.bulb_on_chart(panel, at); 3]);
             if coarse {
                 let lower_edge = [0.5 * width, 0.0];
-                let points = receiver.points(lower_edge, TWICE_POINTS[0]);
+                let points = receiver.points(lower_edge, HIGHER_POINTS[0]);
                 let batch = &mut LightBatch::default();
                 let ([r, g, b], spent) =
-                    receiver.to_and_fro_at(&direct, reflectance, &points, batch);
-                let most = TWICE_MARGIN * r.max(g).max(b);
-                exchange.evaluations += spent;
+                    receiver.higher_order_at(&direct, reflectance, &points, batch);
+                let most = HIGHER_MARGIN * r.max(g).max(b);
+                interreflection.evaluations += spent;
                 if most <= allowed {
-                    exchange.error += most;
-                    return exchange;
+                    interreflection.error += most;
+                    return interreflection;
                 }
             }
-            let (tile, error, spent) = receiver.to_and_fro(&direct, reflectance);
-            exchange.error += error;
-            exchange.twice = Some(tile);
-            exchange.evaluations += spent;
+            let (tile, error, spent) = receiver.higher_order(&direct, reflectance);
+            interreflection.error += error;
+            interreflection.order_2 = Some(tile);
+            interreflection.evaluations += spent;
             if bounces_max > 3 {
-                let indirect = panel.lit(|at| exchange.once_at(place(at, exchange.gap)));
-                let (tile, error, spent) = receiver.to_and_fro(&indirect, reflectance);
-                exchange.error += error;
-                exchange.thrice = Some(tile);
-                exchange.evaluations += spent;
+                let indirect =
+                    panel.lit(|at| interreflection.order_1_at(place(at, interreflection.gap)));
+                let (tile, error, spent) = receiver.higher_order(&indirect, reflectance);
+                interreflection.error += error;
+                interreflection.order_3 = Some(tile);
+                interreflection.evaluations += spent;
             }
         }
-        exchange
+        interreflection
     }
 
     /// How many evaluations it took.
@@ -179,7 +186,7 @@ impl Exchange {
         self.evaluations
     }
 
-    /// How far [`Exchange::on_chart`] may be off.
+    /// How far [`Interreflection::on_chart`] may be off.
     pub fn error(&self) -> f64 {
         self.error
     }
@@ -198,26 +205,26 @@ impl Exchange {
         let at = place(at, self.gap);
         let mut sum = [0.0; 3];
         if bounces_max > 1 {
-            sum = self.once_at(at);
+            sum = self.order_1_at(at);
         }
-        if let (Some(tile), true) = (&self.twice, bounces_max > 2) {
+        if let (Some(tile), true) = (&self.order_2, bounces_max > 2) {
             add_scaled(&mut sum, tile.value(at), 1.0);
         }
-        if let (Some(tile), true) = (&self.thrice, bounces_max > 3) {
+        if let (Some(tile), true) = (&self.order_3, bounces_max > 3) {
             add_scaled(&mut sum, tile.value(at), 1.0);
         }
         sum.map(|channel| channel.max(0.0))
     }
 
-    fn once_at(&self, at: [f64; 2]) -> [f64; 3] {
+    fn order_1_at(&self, at: [f64; 2]) -> [f64; 3] {
         let Rectangle { low, high } = self.bounds;
         // Rounding can lead off the chart.
         let at: [f64; 2] = std::array::from_fn(|axis| at[axis].clamp(low[axis], high[axis]));
-        let holds = |tile: &&Tile<ONCE_TERMS>| {
+        let holds = |tile: &&Tile<ORDER_1_TERMS>| {
             let Rectangle { low, high } = tile.rectangle;
             (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
         };
-        let tile = self.once.iter().find(holds);
+        let tile = self.order_1.iter().find(holds);
         tile.map_or([0.0; 3], |tile| tile.value(at))
     }
 }
@@ -310,7 +317,7 @@ impl Receiver<'_> {
         allowed: f64,
         (points, halvings_max): ([[usize; 2]; 2], u32),
         off_sample: impl Fn(&mut B, &[Sent]) -> ([f64; 3], u64) + Sync,
-    ) -> (Vec<Tile<ONCE_TERMS>>, f64, u64) {
+    ) -> (Vec<Tile<ORDER_1_TERMS>>, f64, u64) {
         let basis = Basis::<TERMS>::new();
         let (mut tiles, mut error, mut evaluations) = (Vec::new(), 0.0f64, 0);
         let mut open = vec![(self.bounds(), 0)];
@@ -342,28 +349,28 @@ impl Receiver<'_> {
     }
 
     /// The irradiance over pi that light off `chart` by way of the sample comes to, in one tile.
-    fn to_and_fro(
+    fn higher_order(
         &self,
         chart: &LitChart,
         reflectance: &Reflectance,
-    ) -> (Tile<TWICE_TERMS>, f64, u64) {
+    ) -> (Tile<HIGHER_TERMS>, f64, u64) {
         let off_sample = |batch: &mut LightBatch, points: &[Sent]| {
-            self.to_and_fro_at(chart, reflectance, points, batch)
+            self.higher_order_at(chart, reflectance, points, batch)
         };
         let (tile, fit, missed, spent) =
-            self.fit(&Basis::new(), &self.bounds(), TWICE_POINTS, &off_sample);
+            self.fit(&Basis::new(), &self.bounds(), HIGHER_POINTS, &off_sample);
         (tile, fit.error + missed, spent)
     }
 
     /// The same at one place of the chart, that of `points`, and evaluations.
-    fn to_and_fro_at(
+    fn higher_order_at(
         &self,
         chart: &LitChart,
         reflectance: &Reflectance,
         points: &[Sent],
         batch: &mut LightBatch,
     ) -> ([f64; 3], u64) {
-        let fineness = Fineness::new(TWICE_ERROR);
+        let fineness = Fineness::new(HIGHER_ERROR);
         let instructions = self.stage.instructions;
         sum_over(points, |position, toward| {
             chart.reflected(position, toward, reflectance, fineness, instructions, batch)
