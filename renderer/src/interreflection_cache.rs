@@ -1,6 +1,6 @@
 //! What sample and chart send each other, kept from view to view.
 
-use crate::hybrid::Interreflection;
+use crate::hybrid::{Interreflection, Unresolved};
 use dataset::Material;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,7 +18,7 @@ pub struct InterreflectionCache {
 struct Kept {
     material: Material,
     angles_deg: [f64; 2],
-    interreflection: Arc<Interreflection>,
+    interreflection: Result<Arc<Interreflection>, Unresolved>,
 }
 
 impl InterreflectionCache {
@@ -29,19 +29,19 @@ impl InterreflectionCache {
         &self,
         material: &Material,
         angles_deg: [f64; 2],
-        make: impl FnOnce() -> Option<Interreflection>,
-    ) -> Option<Arc<Interreflection>> {
+        make: impl FnOnce() -> Option<Result<Interreflection, Unresolved>>,
+    ) -> Option<Result<Arc<Interreflection>, Unresolved>> {
         let found = self
             .kept
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .iter()
             .find(|kept| kept.material == *material && kept.angles_deg == angles_deg)
-            .map(|kept| Arc::clone(&kept.interreflection));
+            .map(|kept| kept.interreflection.clone());
         if found.is_some() {
             return found;
         }
-        let made = Arc::new(make()?);
+        let made = make()?.map(Arc::new);
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         if kept.len() == KEPT {
             kept.pop_front();
@@ -49,7 +49,7 @@ impl InterreflectionCache {
         kept.push_back(Kept {
             material: *material,
             angles_deg,
-            interreflection: Arc::clone(&made),
+            interreflection: made.clone(),
         });
         Some(made)
     }

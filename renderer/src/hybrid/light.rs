@@ -4,7 +4,6 @@ use super::Stage;
 use super::bulb::{self, BulbView, SlopeBatch};
 use super::chart::{LightBatch, LitChart};
 use super::interreflection::Interreflection;
-use super::interreflection::small_bulb::SmallBulb;
 use super::panel::PanelOnFilm;
 use super::slopes::Fineness;
 use super::tiling::Shade;
@@ -112,15 +111,6 @@ impl Stage {
             self.bulb_radiance * (share * specular[channel] + diffuse * reflectance.rgb0[channel])
         });
         (radiance, spent)
-    }
-
-    /// The bulb where it is small against the lobe.
-    pub(super) fn small_bulb(&self) -> SmallBulb {
-        SmallBulb {
-            centre: self.bulb_centre,
-            radius: self.bulb_radius,
-            radiance: self.bulb_radiance,
-        }
     }
 
     /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.

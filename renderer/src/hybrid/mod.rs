@@ -33,7 +33,7 @@ use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
 use chart::LitChart;
 use dataset::specification::{Accuracy, Specification};
-pub use interreflection::Interreflection;
+pub use interreflection::{Interreflection, Unresolved};
 use light::{BulbOffSample, ChartItself, ChartOffSample};
 use mirror::MirroredChart;
 use panel::{PanelOnFilm, project};
@@ -168,19 +168,31 @@ impl Stage {
 
     /// What sample and chart send each other: the same for all views with one light and one turn of
     /// the sample. `None` for a view without chart.
-    pub fn interreflection(&self, reflectance: &Reflectance) -> Option<Interreflection> {
-        let panel = self.panel.as_ref()?;
-        Some(Interreflection::new(self, panel, reflectance))
+    ///
+    /// # Errors
+    /// When the lobe is too narrow for it to be worked out. The path tracer renders such a view.
+    pub fn interreflection(
+        &self,
+        reflectance: &Reflectance,
+    ) -> Result<Option<Interreflection>, Unresolved> {
+        let panel = self.panel.as_ref();
+        panel
+            .map(|panel| Interreflection::new(self, panel, reflectance))
+            .transpose()
     }
 
-    /// Renders the view, counts evaluations of the reflectance, and times the stages. `interreflection` is
-    /// that of [`Stage::interreflection`], if it is at hand, and then no stage; `key` names the image, for what is sampled.
+    /// Renders the view, counts evaluations of the reflectance, and times the stages.
+    /// `interreflection` is that of [`Stage::interreflection`]; if it is not at hand it is worked
+    /// out as a stage. `key` names the image, for what is sampled.
+    ///
+    /// # Errors
+    /// Those of [`Stage::interreflection`].
     pub fn render(
         &self,
         reflectance: &Reflectance,
         interreflection: Option<&Interreflection>,
         key: u64,
-    ) -> (Film, u64, Vec<StageTime>) {
+    ) -> Result<(Film, u64, Vec<StageTime>), Unresolved> {
         let [width, height] = self.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
         let mut canvas = Canvas {
@@ -197,8 +209,8 @@ impl Stage {
             let interreflection = match interreflection {
                 Some(interreflection) => interreflection,
                 None => timed(&mut stages, "interreflection", || {
-                    own.insert(Interreflection::new(self, panel, reflectance))
-                }),
+                    Interreflection::new(self, panel, reflectance).map(|made| own.insert(made))
+                })?,
             };
             // Counted with every view, so that an image's label does not tell what was at hand.
             evaluations += interreflection.evaluations();
@@ -220,7 +232,7 @@ impl Stage {
             height,
             pixels,
         };
-        (film, evaluations, stages)
+        Ok((film, evaluations, stages))
     }
 
     /// The bulb's light off the sample.
