@@ -92,7 +92,7 @@ fn cubature(criterion: &mut Criterion) {
             .expect("native geometry");
         let stage = Stage::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&case.material, 0.0, Tint::Hue);
-        let (_, evaluations, _) = stage.render(&reflectance, None, 0);
+        let (_, evaluations, _) = stage.render(&reflectance, None, 0).expect("resolved");
         group.throughput(Throughput::Elements(evaluations));
         group.bench_function(BenchmarkId::new("pixel", name), |bencher| {
             bencher.iter(|| stage.render(black_box(&reflectance), None, 0));

@@ -69,7 +69,7 @@ fn render(request: &Request) -> Result<Answer, Box<dyn Error>> {
         let reflectance = Reflectance::new(&request.material, rotation_deg, specification.tint);
         // Renderings of different accuracies draw independently.
         let key = request.relative.to_bits() ^ u64::from(repetition);
-        let (film, ..) = stage.render(&reflectance, None, key);
+        let (film, ..) = stage.render(&reflectance, None, key).expect("resolved");
         answer.cpu_seconds.push(cpu_seconds() - begin);
         if repetition == 0 {
             answer.stated_error = film.statistics(&specification.accuracy, 0, 0).mean;

@@ -7,12 +7,12 @@
 
 mod bsdf;
 mod embree;
-mod exchange_cache;
 mod exr_file;
 pub mod film;
 pub mod geometry;
 pub mod hybrid;
 mod instructions;
+mod interreflection_cache;
 pub mod path;
 pub mod query;
 pub mod reflectance;

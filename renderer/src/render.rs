@@ -1,11 +1,11 @@
 //! One view of a material: paths over the film, their error, and the file.
 
-use crate::exchange_cache::ExchangeCache;
 use crate::exr_file::{self, ExrError};
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
-use crate::hybrid::Stage;
+use crate::hybrid::{Stage, Unresolved};
 use crate::instructions::Instructions;
+use crate::interreflection_cache::InterreflectionCache;
 use crate::path;
 use crate::reflectance::Reflectance;
 use crate::replicates::{REPLICATES, estimate};
@@ -24,7 +24,7 @@ pub struct Renderer {
     specification: Specification,
     specification_hash: Digest,
     views: Vec<PreparedView>,
-    exchanges: ExchangeCache,
+    interreflections: InterreflectionCache,
 }
 
 /// A view's scene and, where the hybrid integrator is wanted and can render it, its stage.
@@ -104,7 +104,7 @@ impl Renderer {
             specification: specification.clone(),
             specification_hash: specification.hash(),
             views,
-            exchanges: ExchangeCache::default(),
+            interreflections: InterreflectionCache::default(),
         })
     }
 
@@ -159,28 +159,18 @@ impl Renderer {
         let key = sampler_key(&header);
         let rotation_deg = view_specification.rotation_deg;
         let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
-        let (film, samples, evaluations, mut stages) = match &prepared.stage {
-            Some(stage) => {
-                let light_deg = view_specification.light_elevation_deg;
-                let mut stages = Vec::new();
-                let exchange = timed(&mut stages, "exchange", || {
-                    self.exchanges.get(material, [rotation_deg, light_deg], || {
-                        stage.exchange(&reflectance)
-                    })
-                });
-                let (film, evaluations, others) =
-                    stage.render(&reflectance, exchange.as_deref(), key);
-                stages.extend(others);
-                (film, 0, evaluations, stages)
-            }
-            None => {
-                let mut stages = Vec::new();
-                let (film, samples) = timed(&mut stages, "trace", || {
-                    self.trace(&prepared.scene, &reflectance, key)
-                });
-                (film, samples, 0, stages)
-            }
-        };
+        let angles_deg = [rotation_deg, view_specification.light_elevation_deg];
+        let worked_out = prepared.stage.as_ref().and_then(|stage| {
+            self.work_out(stage, material, &reflectance, angles_deg, key)
+                .ok()
+        });
+        let (film, samples, evaluations, mut stages) = worked_out.unwrap_or_else(|| {
+            let mut stages = Vec::new();
+            let (film, samples) = timed(&mut stages, "trace", || {
+                self.trace(&prepared.scene, &reflectance, key)
+            });
+            (film, samples, 0, stages)
+        });
         check_pixels(&film, view)?;
         let exr = timed(&mut stages, "encode", || {
             exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
@@ -191,6 +181,28 @@ impl Renderer {
             film,
             stages,
         })
+    }
+
+    /// Renders a view with the hybrid integrator: the film, samples, evaluations and stages.
+    fn work_out(
+        &self,
+        stage: &Stage,
+        material: &Material,
+        reflectance: &Reflectance,
+        angles_deg: [f64; 2],
+        key: u64,
+    ) -> Result<(Film, u64, u64, Vec<StageTime>), Unresolved> {
+        let mut stages = Vec::new();
+        let interreflection = timed(&mut stages, "interreflection", || {
+            self.interreflections.get(material, angles_deg, || {
+                stage.interreflection(reflectance).transpose()
+            })
+        })
+        .transpose()?;
+        let (film, evaluations, others) =
+            stage.render(reflectance, interreflection.as_deref(), key)?;
+        stages.extend(others);
+        Ok((film, 0, evaluations, stages))
     }
 
     /// The luminance in cd/m^2 of a pixel of value 1: that of a white diffuser at the origin which

@@ -5,7 +5,7 @@ use std::time::Instant;
 /// What a stage of a view took.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
-    /// The stage: `trace` of the path tracer; `bulb`, `exchange`, `chart` and `reflected chart` of
+    /// The stage: `trace` of the path tracer; `bulb`, `interreflection`, `chart` and `reflected chart` of
     /// the hybrid integrator; `encode` of both.
     pub name: &'static str,
     /// Wall-clock seconds.

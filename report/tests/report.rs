@@ -106,7 +106,7 @@ fn tables_hold_a_row_a_rendering_and_finite_numbers() {
     let staged = text(&files, "stages.csv");
     for stage in [
         "bulb",
-        "exchange",
+        "interreflection",
         "chart",
         "reflected chart",
         "encode",

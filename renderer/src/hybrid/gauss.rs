@@ -24,6 +24,11 @@ impl GaussRule {
         &RULES[count.clamp(1, POINTS_MAX) - 1]
     }
 
+    /// How many points it has.
+    pub fn size(&self) -> usize {
+        self.nodes.len()
+    }
+
     /// Nodes and weights moved to [low, high].
     pub fn on(&self, low: f64, high: f64) -> impl Iterator<Item = (f64, f64)> {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));

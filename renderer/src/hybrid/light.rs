@@ -3,12 +3,11 @@
 use super::Stage;
 use super::bulb::{self, BulbView, SlopeBatch};
 use super::chart::{LightBatch, LitChart};
-use super::exchange::Exchange;
 use super::glossy::{self, GlossyChart};
+use super::interreflection::Interreflection;
 use super::panel::PanelOnFilm;
 use super::pixel::largest_difference;
 use super::slopes::Fineness;
-use super::small_bulb::SmallBulb;
 use super::tiling::Shade;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
@@ -33,7 +32,7 @@ impl Shade for BulbOffSample<'_> {
 pub struct ChartItself<'a> {
     pub stage: &'a Stage,
     pub panel: &'a PanelOnFilm,
-    pub exchange: &'a Exchange,
+    pub interreflection: &'a Interreflection,
 }
 
 impl Shade for ChartItself<'_> {
@@ -45,7 +44,7 @@ impl Shade for ChartItself<'_> {
         // Nodes of a tile can lie beyond the panel's vanishing line.
         let at = panel.meet(ray.origin, ray.direction).unwrap_or([0.0; 2]);
         let direct = self.stage.bulb_on_chart(self.panel, at);
-        let indirect = self.exchange.on_chart(at);
+        let indirect = self.interreflection.on_chart(at);
         (indirect.map(|channel| channel + direct), 0)
     }
 }
@@ -173,15 +172,6 @@ impl Stage {
             self.bulb_radiance * (share * specular[channel] + diffuse * reflectance.rgb0[channel])
         });
         (radiance, spent)
-    }
-
-    /// The bulb where it is small against the lobe.
-    pub(super) fn small_bulb(&self) -> SmallBulb {
-        SmallBulb {
-            centre: self.bulb_centre,
-            radius: self.bulb_radius,
-            radiance: self.bulb_radiance,
-        }
     }
 
     /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.

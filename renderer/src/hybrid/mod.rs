@@ -3,7 +3,7 @@
 //! A scene of a flat sample, a bulb and a chart in front of which the bulb stands has no shadows.
 //! So the bulb's light off the sample is a cubature over the bulb ([`bulb`]), the bulb's light on
 //! the chart a closed form, what the chart sends to the sample a cubature over its patches
-//! ([`chart`]), and what the sample sends to the chart one over the sample ([`exchange`]). Each is a
+//! ([`chart`]), and what the sample sends to the chart one over the sample ([`interreflection`]). Each is a
 //! smooth function of the film, or one with edges at known scales, and pixels are its integrals
 //! ([`tiling`]).
 //!
@@ -14,17 +14,16 @@ mod bulb;
 pub(crate) mod chart;
 mod chebyshev;
 mod elementary;
-mod exchange;
 mod gather;
 mod gauss;
 mod glossy;
+mod interreflection;
 mod light;
 mod mirror;
 mod panel;
 mod pixel;
 mod polygon;
 mod slopes;
-mod small_bulb;
 mod tiling;
 
 use crate::film::{Film, FilmPixel};
@@ -35,8 +34,8 @@ use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
 use chart::{LitChart, Panel};
 use dataset::specification::{Accuracy, Specification};
-pub use exchange::Exchange;
 use glossy::GlossyChart;
+pub use interreflection::{Interreflection, Unresolved};
 use light::{BulbOffSample, ChartItself, ChartOffGlossySample, ChartOffSample};
 use mirror::MirroredChart;
 use panel::{PanelOnFilm, project};
@@ -192,19 +191,31 @@ impl Stage {
 
     /// What sample and chart send each other: the same for all views with one light and one turn of
     /// the sample. `None` for a view without chart.
-    pub fn exchange(&self, reflectance: &Reflectance) -> Option<Exchange> {
-        let panel = self.panel.as_ref()?;
-        Some(Exchange::new(self, panel, reflectance))
+    ///
+    /// # Errors
+    /// When the lobe is too narrow for it to be worked out. The path tracer renders such a view.
+    pub fn interreflection(
+        &self,
+        reflectance: &Reflectance,
+    ) -> Result<Option<Interreflection>, Unresolved> {
+        let panel = self.panel.as_ref();
+        panel
+            .map(|panel| Interreflection::new(self, panel, reflectance))
+            .transpose()
     }
 
-    /// Renders the view, counts evaluations of the reflectance, and times the stages. `exchange` is
-    /// that of [`Stage::exchange`], if it is at hand, and then no stage; `key` names the image, for what is sampled.
+    /// Renders the view, counts evaluations of the reflectance, and times the stages.
+    /// `interreflection` is that of [`Stage::interreflection`]; if it is not at hand it is worked
+    /// out as a stage. `key` names the image, for what is sampled.
+    ///
+    /// # Errors
+    /// Those of [`Stage::interreflection`].
     pub fn render(
         &self,
         reflectance: &Reflectance,
-        exchange: Option<&Exchange>,
+        interreflection: Option<&Interreflection>,
         key: u64,
-    ) -> (Film, u64, Vec<StageTime>) {
+    ) -> Result<(Film, u64, Vec<StageTime>), Unresolved> {
         let [width, height] = self.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
         let mut canvas = Canvas {
@@ -218,20 +229,20 @@ impl Stage {
         });
         if let Some(panel) = &self.panel {
             let mut own = None;
-            let exchange = match exchange {
-                Some(exchange) => exchange,
-                None => timed(&mut stages, "exchange", || {
-                    own.insert(Exchange::new(self, panel, reflectance))
-                }),
+            let interreflection = match interreflection {
+                Some(interreflection) => interreflection,
+                None => timed(&mut stages, "interreflection", || {
+                    Interreflection::new(self, panel, reflectance).map(|made| own.insert(made))
+                })?,
             };
             // Counted with every view, so that an image's label does not tell what was at hand.
-            evaluations += exchange.evaluations();
+            evaluations += interreflection.evaluations();
             timed(&mut stages, "chart", || {
-                self.add_chart(&mut canvas, panel, exchange);
+                self.add_chart(&mut canvas, panel, interreflection);
             });
             if self.bounces_max > 1 {
                 evaluations += timed(&mut stages, "reflected chart", || {
-                    self.add_reflected_chart(&mut canvas, panel, exchange, reflectance, key)
+                    self.add_reflected_chart(&mut canvas, panel, interreflection, reflectance, key)
                 });
             }
         }
@@ -244,7 +255,7 @@ impl Stage {
             height,
             pixels,
         };
-        (film, evaluations, stages)
+        Ok((film, evaluations, stages))
     }
 
     /// The bulb's light off the sample.
@@ -271,7 +282,12 @@ impl Stage {
     }
 
     /// The chart itself.
-    fn add_chart(&self, canvas: &mut Canvas<'_>, panel: &PanelOnFilm, exchange: &Exchange) {
+    fn add_chart(
+        &self,
+        canvas: &mut Canvas<'_>,
+        panel: &PanelOnFilm,
+        interreflection: &Interreflection,
+    ) {
         let regions: Vec<Region> = panel
             .regions(&self.camera)
             .filter(|region| {
@@ -288,12 +304,12 @@ impl Stage {
             side_max: f64::from(self.size[0]),
             evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.chart_fineness,
-            function_error: exchange.error(),
+            function_error: interreflection.error(),
         };
         let shade = ChartItself {
             stage: self,
             panel,
-            exchange,
+            interreflection,
         };
         tiling::integrate(canvas, &panel.outline, &regions, &demand, &shade);
     }
@@ -303,7 +319,7 @@ impl Stage {
         &self,
         canvas: &mut Canvas<'_>,
         panel: &PanelOnFilm,
-        exchange: &Exchange,
+        interreflection: &Interreflection,
         reflectance: &Reflectance,
         key: u64,
     ) -> u64 {
@@ -314,13 +330,13 @@ impl Stage {
         let (parts, missed) = panel.parts(allowed, |at| [self.bulb_on_chart(panel, at); 3]);
         let irradiance = |at: [f64; 2]| {
             let direct = self.bulb_on_chart(panel, at);
-            exchange
+            interreflection
                 .on_chart_for_sample(at)
                 .map(|channel| channel + direct)
         };
         let chart = panel.lit(parts, irradiance);
         if !glossy::wanted(reflectance) && mirror::wanted(reflectance) {
-            let chart_error = exchange.error() + missed;
+            let chart_error = interreflection.error() + missed;
             return self.add_mirrored_chart(canvas, &chart, chart_error, reflectance, key);
         }
         let finer = panel.lit(2 * parts, irradiance);
@@ -334,7 +350,7 @@ impl Stage {
             side_max: self.chart_tile * feature,
             evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.chart_fineness,
-            function_error: VIEW_FACTOR_MAX * exchange.error(),
+            function_error: VIEW_FACTOR_MAX * interreflection.error(),
         };
         let regions = [Region {
             outline: self.sample,

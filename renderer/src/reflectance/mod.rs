@@ -155,6 +155,11 @@ impl Reflectance {
         TintResponse::new(self.tint, self.colour(cos_o))
     }
 
+    /// The kind of tint, and the reflectance at 90 degrees.
+    pub(crate) fn tint_model(&self) -> (Tint, [f64; 3]) {
+        (self.tint, self.rgb90)
+    }
+
     fn colour(&self, cos_o: f64) -> [f64; 3] {
         std::array::from_fn(|channel| {
             self.rgb90[channel] * (1.0 - cos_o) + self.rgb0[channel] * cos_o

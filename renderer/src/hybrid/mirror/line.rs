@@ -301,7 +301,7 @@ mod tests {
         let scene = scene.expect("a view").expect("a scene");
         let stage = Stage::new(&scene, &specification).expect("a stage");
         let panel = stage.panel.as_ref().expect("a chart");
-        let chart = panel.lit(|[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
+        let chart = panel.lit(1, |[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
         // A sheet of a lobe: its normals lead all over the chart and beside it.
         let material = HARD_CASES[2].material;
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);

@@ -1,0 +1,304 @@
+//! Orders from 2 on: from the chart off the sample to the chart, over and over.
+//!
+//! A cubature over the chart gives points that send light; the nodes of one tile receive it. For
+//! every pair the integral over the sample is worked out once. That matrix takes the bulb's light
+//! on the chart to order 2, order 1 to order 3, and any order to the second next.
+
+use super::super::chebyshev::{Basis, Tile, add_scaled};
+use super::super::pixel::largest_difference;
+use super::sources::{ChartPoint, chart_points};
+use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
+use super::{
+    EVALUATIONS_MAX, Frame, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
+    compared, fineness, largest,
+};
+use rayon::prelude::*;
+
+/// Cells of the chart by level: their sides over their distance from the sample, at most, and
+/// points along either side of them.
+const CELLS: [(f64, usize); LEVEL_MAX + 2] = [
+    (2.0, 1),
+    (1.0, 1),
+    (1.0, 2),
+    (0.5, 2),
+    (0.5, 3),
+    (0.5, 4),
+    (0.5, 5),
+];
+
+/// Interreflection of all orders from 2 on.
+pub struct Higher {
+    /// For paths of `max_bounces` hits, and of one hit less.
+    pub tiles: [Tile<HIGHER_TERMS>; 2],
+    /// A bound of what they are off by.
+    pub error: f64,
+    pub evaluations: u64,
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+struct Scratch {
+    batch: LineBatch,
+    sums: LineSums,
+}
+
+/// What one node receives from each point of unit radiance.
+struct Row {
+    factors: Vec<[f64; 3]>,
+    evaluations: u64,
+    resolved: bool,
+}
+
+/// The points of a level, with the radiance that they have by the bulb and by order 1.
+struct Points {
+    points: Vec<ChartPoint>,
+    /// In the sample's frame.
+    positions: Vec<[f64; 3]>,
+    /// Reflectance times area.
+    weights: Vec<[f64; 3]>,
+    direct: Vec<[f64; 3]>,
+    order_1: Vec<[f64; 3]>,
+}
+
+/// The result with so many terms.
+struct Solved<const TERMS: usize> {
+    tiles: [Tile<TERMS>; 2],
+    fit_error: f64,
+    missed: f64,
+    largest: f64,
+    resolved: bool,
+}
+
+impl Higher {
+    /// Works out the orders with rules as fine, and as many terms, as `allowed` asks for.
+    pub fn solve(
+        frame: &Frame<'_>,
+        allowed: f64,
+        order_1: impl Fn([f64; 2]) -> [f64; 3],
+    ) -> Result<Self, Unresolved> {
+        let (mut level, mut terms, mut evaluations) = (0, 0, 0);
+        loop {
+            let (solved, spent) = match terms {
+                0 => widened(solve::<4>(frame, level, &order_1)),
+                1 => widened(solve::<6>(frame, level, &order_1)),
+                _ => solve::<HIGHER_TERMS>(frame, level, &order_1),
+            };
+            evaluations += spent;
+            let rough = solved.missed > RULE_SHARE * allowed && level < LEVEL_MAX;
+            let short = solved.fit_error > (1.0 - RULE_SHARE) * allowed && terms < 2;
+            // The next level has up to sixteen times the evaluations.
+            let dear = evaluations + 16 * spent > EVALUATIONS_MAX;
+            if (rough || short) && !dear {
+                level += usize::from(rough);
+                terms += usize::from(short);
+                continue;
+            }
+            let unclear = solved.missed > (UNRESOLVED_SHARE * solved.largest).max(allowed);
+            if !solved.resolved || unclear {
+                return Err(Unresolved);
+            }
+            return Ok(Self {
+                tiles: solved.tiles,
+                error: solved.fit_error + solved.missed,
+                evaluations,
+            });
+        }
+    }
+}
+
+fn widened<const TERMS: usize>(
+    (solved, spent): (Solved<TERMS>, u64),
+) -> (Solved<HIGHER_TERMS>, u64) {
+    let solved = Solved {
+        tiles: solved.tiles.map(|tile| tile.widened()),
+        fit_error: solved.fit_error,
+        missed: solved.missed,
+        largest: solved.largest,
+        resolved: solved.resolved,
+    };
+    (solved, spent)
+}
+
+fn solve<const TERMS: usize>(
+    frame: &Frame<'_>,
+    level: usize,
+    order_1: &impl Fn([f64; 2]) -> [f64; 3],
+) -> (Solved<TERMS>, u64) {
+    let basis = Basis::<TERMS>::new();
+    let nodes: Vec<[f64; 2]> = basis.nodes(&frame.bounds()).collect();
+    let points = Points::new(frame, level, order_1);
+    let rows = rows(frame, &nodes, &points, level);
+    let places = compared(TERMS);
+    let finer_points = Points::new(frame, level + 1, order_1);
+    let finer = self::rows(
+        frame,
+        &places.map(|node| nodes[node]),
+        &finer_points,
+        level + 1,
+    );
+    let mut missed = 0.0f64;
+    for (node, finer) in places.into_iter().zip(&finer) {
+        let rough = rows[node].apply(&points, |i| points.first(i));
+        let better = finer.apply(&finer_points, |i| finer_points.first(i));
+        missed = missed.max(largest_difference(rough, better));
+    }
+    let (values, fit_error) = series(frame, &basis, &rows, &points);
+    let most = values[0]
+        .iter()
+        .fold(0.0, |most: f64, value| most.max(largest(*value)));
+    let bounds = frame.bounds();
+    let tiles = values.map(|values| basis.fit(bounds, values.into_iter()).0);
+    let spent = rows.iter().chain(&finer).map(|row| row.evaluations).sum();
+    let solved = Solved {
+        tiles,
+        fit_error,
+        missed,
+        largest: most,
+        resolved: finer.iter().all(|row| row.resolved),
+    };
+    (solved, spent)
+}
+
+/// The sums of the orders from 2 on at the nodes, for paths of `max_bounces` hits and of one less,
+/// and what the series leaves out.
+fn series<const TERMS: usize>(
+    frame: &Frame<'_>,
+    basis: &Basis<TERMS>,
+    rows: &[Row],
+    points: &Points,
+) -> ([Vec<[f64; 3]>; 2], f64) {
+    let mut sums = [(); 2].map(|()| vec![[0.0; 3]; rows.len()]);
+    let mut error = 0.0;
+    let bounds = frame.bounds();
+    // The light on the points by the two orders before the one that comes next.
+    let mut before = [points.direct.clone(), points.order_1.clone()];
+    for order in 2..frame.stage.bounces_max {
+        let from = &before[order as usize % 2];
+        let values: Vec<[f64; 3]> = rows
+            .iter()
+            .map(|row| row.apply(points, |i| from[i]))
+            .collect();
+        for (sum, value) in sums[0].iter_mut().zip(&values) {
+            add_scaled(sum, *value, 1.0);
+        }
+        if order + 1 < frame.stage.bounces_max {
+            for (sum, value) in sums[1].iter_mut().zip(&values) {
+                add_scaled(sum, *value, 1.0);
+            }
+        }
+        let (tile, fit) = basis.fit(bounds, values.into_iter());
+        error += fit.error;
+        before[order as usize % 2] = points
+            .points
+            .iter()
+            .map(|point| {
+                tile.value(frame.place(point.at))
+                    .map(|channel| channel.max(0.0))
+            })
+            .collect();
+    }
+    (sums, error)
+}
+
+impl Points {
+    fn new(frame: &Frame<'_>, level: usize, order_1: &impl Fn([f64; 2]) -> [f64; 3]) -> Self {
+        let panel = &frame.panel.panel;
+        let half = frame.stage.sample_half;
+        let (ratio, points) = CELLS[level];
+        let points = chart_points(panel, half, frame.gap, ratio, points);
+        let positions = points.iter().map(|point| {
+            let [a, b] = point.at;
+            let position = frame.sample.to_frame(panel.point(a, b));
+            [position.x, position.y, position.z]
+        });
+        let weights = points.iter().map(|point| {
+            let colour = frame.panel.patches[point.patch];
+            colour.map(|channel| channel * point.area)
+        });
+        let direct = points
+            .iter()
+            .map(|point| [frame.stage.bulb_on_chart(frame.panel, point.at); 3]);
+        Self {
+            positions: positions.collect(),
+            weights: weights.collect(),
+            direct: direct.collect(),
+            order_1: points.iter().map(|point| order_1(point.at)).collect(),
+            points,
+        }
+    }
+
+    /// The light of orders 0 and 1.
+    fn first(&self, index: usize) -> [f64; 3] {
+        std::array::from_fn(|i| self.direct[index][i] + self.order_1[index][i])
+    }
+}
+
+impl Row {
+    /// What the node receives if the light on each point is `light`.
+    fn apply(&self, points: &Points, light: impl Fn(usize) -> [f64; 3]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (index, (factor, weight)) in self.factors.iter().zip(&points.weights).enumerate() {
+            let light = light(index);
+            for channel in 0..3 {
+                sum[channel] += factor[channel] * weight[channel] * light[channel];
+            }
+        }
+        sum
+    }
+}
+
+fn rows(frame: &Frame<'_>, nodes: &[[f64; 2]], points: &Points, level: usize) -> Vec<Row> {
+    nodes
+        .par_iter()
+        .map_init(Scratch::default, |scratch, &node| {
+            row(frame, node, points, level, scratch)
+        })
+        .collect()
+}
+
+fn row(
+    frame: &Frame<'_>,
+    at: [f64; 2],
+    points: &Points,
+    level: usize,
+    scratch: &mut Scratch,
+) -> Row {
+    let receiver = frame.receiver(at);
+    let rule = frame.sample.rule(&receiver, None, fineness(level));
+    let Scratch { batch, sums } = scratch;
+    let source = ChartPoints {
+        normal: receiver.normal,
+    };
+    let mut factors = vec![[0.0; 3]; points.positions.len()];
+    let mut evaluations = 0;
+    for [v, weight, low, high] in &rule.lines {
+        batch.clear();
+        for [x, y, z] in &points.positions {
+            batch.push([*v, *weight, *low, *high, *x, *y, *z]);
+        }
+        sums.resize(batch.blocks().len(), Default::default());
+        let instructions = frame.stage.instructions;
+        from_chart(
+            instructions,
+            batch,
+            &receiver,
+            &frame.surface,
+            rule.along,
+            &source,
+            sums,
+        );
+        let per_block = sums.first().map_or(1, |block| block[0].len());
+        for (index, factor) in factors.iter_mut().enumerate() {
+            let block = &sums[index / per_block];
+            for (sum, channel) in factor.iter_mut().zip(block) {
+                *sum += channel[index % per_block];
+            }
+        }
+        evaluations += batch.count() as u64 * rule.along.rule.size() as u64;
+    }
+    Row {
+        factors,
+        evaluations,
+        resolved: rule.resolved,
+    }
+}

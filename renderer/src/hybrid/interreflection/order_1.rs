@@ -1,0 +1,304 @@
+//! Order 1: from the bulb off the sample to the chart.
+
+use super::super::chebyshev::{Basis, Fit, Tile};
+use super::super::pixel::largest_difference;
+use super::super::polygon::Rectangle;
+use super::sources::disc;
+use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
+use super::{
+    EVALUATIONS_MAX, Frame, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
+    compared, fineness, largest,
+};
+use rayon::prelude::*;
+
+/// The most rings of the cubature over the bulb, and the share of the allowed error that it may
+/// miss.
+const RINGS_MAX: usize = 8;
+const DISC_SHARE: f64 = 0.1;
+
+/// A column of the chart narrower than this share of it is no tile of its own.
+const SLIVER: f64 = 1e-6;
+
+/// A tile is halved before its rules are refined if its series leaves out so many times more than
+/// they miss.
+const SERIES_FIRST: f64 = 3.0;
+
+/// The same without a look at the rules, if it leaves out so many times what is allowed.
+const STEEP: f64 = 10.0;
+
+/// Tiles are halved no more than this often.
+const HALVINGS_MAX: u32 = 8;
+
+/// Order 1 on all of the chart.
+pub struct Order1 {
+    pub tiles: Vec<Tile<ORDER_1_TERMS>>,
+    /// A bound of what they are off by.
+    pub error: f64,
+    /// The largest value at a node.
+    pub largest: f64,
+    pub evaluations: u64,
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+struct Scratch {
+    batch: LineBatch,
+    sums: LineSums,
+}
+
+/// A value at a node.
+#[derive(Clone, Copy, Default)]
+struct Value {
+    light: [f64; 3],
+    evaluations: u64,
+    /// Whether the rule has points enough for the lobe.
+    resolved: bool,
+}
+
+/// A tile that waits to be worked out.
+#[derive(Clone, Copy)]
+struct Open {
+    rectangle: Rectangle,
+    depth: u32,
+    /// The level of the rules to begin with.
+    level: usize,
+}
+
+/// A tile worked out at a level.
+struct Fitted<const TERMS: usize> {
+    tile: Tile<TERMS>,
+    fit: Fit,
+    level: usize,
+    /// What the rules miss against the next finer ones, at the worst of several nodes.
+    missed: f64,
+    largest: f64,
+    evaluations: u64,
+    resolved: bool,
+}
+
+/// Works out order 1 in tiles as small as this share of the tolerance asks for.
+pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
+    adaptive::<ORDER_1_TERMS>(frame, share)
+}
+
+fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
+    let basis = Basis::<TERMS>::new();
+    let (rings, rings_missed) = rings(frame, share * frame.tolerance(&frame.bounds()));
+    let disc = disc(rings);
+    let mut order_1 = Order1 {
+        tiles: Vec::new(),
+        error: 0.0,
+        largest: 0.0,
+        evaluations: 0,
+    };
+    let mut open = first_tiles(frame);
+    let mut resolved = true;
+    let mut missed = 0.0f64;
+    while !open.is_empty() {
+        let left = EVALUATIONS_MAX.saturating_sub(order_1.evaluations) / open.len() as u64;
+        let fitted: Vec<_> = open
+            .par_iter()
+            .map(|open| {
+                (
+                    *open,
+                    fit::<TERMS>(frame, &basis, *open, (share, left), &disc),
+                )
+            })
+            .collect();
+        open.clear();
+        for (from, fitted) in fitted {
+            order_1.evaluations += fitted.evaluations;
+            let spent = order_1.evaluations >= EVALUATIONS_MAX;
+            let allowed = share * frame.tolerance(&from.rectangle);
+            let fits = fitted.fit.error <= (1.0 - RULE_SHARE) * allowed;
+            if !fits && from.depth < HALVINGS_MAX && !spent {
+                open.extend(halves(from, &fitted));
+                continue;
+            }
+            order_1.error = order_1.error.max(fitted.fit.error + fitted.missed);
+            order_1.largest = order_1.largest.max(fitted.largest);
+            missed = missed.max(fitted.missed);
+            resolved &= fitted.resolved;
+            order_1.tiles.push(fitted.tile.widened());
+        }
+    }
+    let allowed = share * frame.tolerance(&frame.bounds());
+    if !resolved || missed > (UNRESOLVED_SHARE * order_1.largest).max(allowed) {
+        return Err(Unresolved);
+    }
+    order_1.error += rings_missed;
+    Ok(order_1)
+}
+
+/// How many rings the cubature over the bulb needs, and what it misses against the next finer one.
+fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
+    let basis = Basis::<3>::new();
+    let nodes: Vec<[f64; 2]> = basis.nodes(&frame.bounds()).collect();
+    let mut coarse = values(frame, &nodes, &disc(1), 0);
+    for rings in 1..RINGS_MAX {
+        let fine = values(frame, &nodes, &disc(rings + 1), 0);
+        let pairs = coarse.iter().zip(&fine);
+        let missed = pairs
+            .map(|(coarse, fine)| largest_difference(coarse.light, fine.light))
+            .fold(0.0, f64::max);
+        if missed <= DISC_SHARE * allowed || rings + 1 == RINGS_MAX {
+            return (rings, missed);
+        }
+        coarse = fine;
+    }
+    (RINGS_MAX, f64::INFINITY)
+}
+
+/// The chart in columns parted where the sample's sides point at it: there order 1 falls steeply,
+/// and the nodes of a tile are dense at its ends.
+fn first_tiles(frame: &Frame<'_>) -> Vec<Open> {
+    let Rectangle { low, high } = frame.bounds();
+    let half = frame.stage.sample_half;
+    let side = |x: f64| (x - frame.panel.panel.corner.x).clamp(low[0], high[0]);
+    let ends = [low[0], side(-half), side(half), high[0]];
+    ends.windows(2)
+        .filter(|pair| pair[1] - pair[0] > SLIVER * (high[0] - low[0]))
+        .map(|pair| Open {
+            rectangle: Rectangle {
+                low: [pair[0], low[1]],
+                high: [pair[1], high[1]],
+            },
+            depth: 0,
+            level: 0,
+        })
+        .collect()
+}
+
+/// Both halves of a tile across the axis along which its series ends worst.
+fn halves<const TERMS: usize>(from: Open, fitted: &Fitted<TERMS>) -> [Open; 2] {
+    let steep = usize::from(fitted.fit.tails[1] > fitted.fit.tails[0]);
+    let Rectangle { low, high } = from.rectangle;
+    let middle = 0.5 * (low[steep] + high[steep]);
+    let mut halves = [Open {
+        depth: from.depth + 1,
+        level: fitted.level,
+        ..from
+    }; 2];
+    halves[0].rectangle.high[steep] = middle;
+    halves[1].rectangle.low[steep] = middle;
+    halves
+}
+
+/// A tile with rules as fine as a share of the tolerance asks for and a number of evaluations
+/// allows.
+fn fit<const TERMS: usize>(
+    frame: &Frame<'_>,
+    basis: &Basis<TERMS>,
+    open: Open,
+    (share, evaluations_max): (f64, u64),
+    disc: &[[f64; 3]],
+) -> Fitted<TERMS> {
+    let allowed = share * frame.tolerance(&open.rectangle);
+    let nodes: Vec<[f64; 2]> = basis.nodes(&open.rectangle).collect();
+    let places = compared(TERMS);
+    let compared_nodes = places.map(|node| nodes[node]);
+    let (mut level, mut evaluations) = (open.level, 0);
+    loop {
+        let coarse = values(frame, &nodes, disc, level);
+        let light = coarse.iter().map(|value| value.light);
+        let (tile, fit) = basis.fit(open.rectangle, light);
+        let may_split = open.depth < HALVINGS_MAX && fit.error > (1.0 - RULE_SHARE) * allowed;
+        let steep = may_split && fit.error > STEEP * allowed;
+        let finer = if steep {
+            Vec::new()
+        } else {
+            values(frame, &compared_nodes, disc, level + 1)
+        };
+        let here = spent(&coarse) + spent(&finer);
+        evaluations += here;
+        let mut missed = 0.0f64;
+        for (node, finer) in places.into_iter().zip(&finer) {
+            missed = missed.max(largest_difference(coarse[node].light, finer.light));
+        }
+        let split = may_split && fit.error > SERIES_FIRST * missed;
+        // The next level has up to three times the evaluations.
+        let dear = evaluations + 3 * here > evaluations_max;
+        if missed <= RULE_SHARE * allowed || split || level >= LEVEL_MAX || dear {
+            return Fitted {
+                tile,
+                fit,
+                level,
+                // Where the rules were not looked at, the tile's error stands for theirs.
+                missed: if steep { fit.error } else { missed },
+                largest: coarse
+                    .iter()
+                    .fold(0.0, |most, v| most.max(largest(v.light))),
+                evaluations,
+                resolved: coarse.iter().chain(&finer).all(|value| value.resolved),
+            };
+        }
+        level += 1;
+    }
+}
+
+fn spent(values: &[Value]) -> u64 {
+    values.iter().map(|value| value.evaluations).sum()
+}
+
+/// The values at some nodes by the rules of a level.
+fn values(frame: &Frame<'_>, nodes: &[[f64; 2]], disc: &[[f64; 3]], level: usize) -> Vec<Value> {
+    nodes
+        .par_iter()
+        .map_init(Scratch::default, |scratch, &node| {
+            value(frame, node, disc, level, scratch)
+        })
+        .collect()
+}
+
+/// The irradiance over pi at a position on the tiles.
+fn value(
+    frame: &Frame<'_>,
+    at: [f64; 2],
+    disc: &[[f64; 3]],
+    level: usize,
+    scratch: &mut Scratch,
+) -> Value {
+    let receiver = frame.receiver(at);
+    let centre = frame.sample.to_frame(frame.stage.bulb_centre);
+    let rule = frame.sample.rule(&receiver, Some(centre), fineness(level));
+    let Scratch { batch, sums } = scratch;
+    batch.clear();
+    for [v, weight, low, high] in &rule.lines {
+        for [x, y, share] in disc {
+            batch.push([*v, *weight, *low, *high, *x, *y, *share]);
+        }
+    }
+    sums.resize(batch.blocks().len(), Default::default());
+    let stage = frame.stage;
+    let [cos, sin] = frame.sample.u_axis;
+    let bulb = Bulb {
+        centre,
+        radius2: stage.bulb_radius * stage.bulb_radius,
+        radiance: stage.bulb_radiance,
+        x_axis: [cos, -sin],
+    };
+    let instructions = stage.instructions;
+    from_bulb(
+        instructions,
+        batch,
+        &receiver,
+        &frame.surface,
+        rule.along,
+        &bulb,
+        sums,
+    );
+    let mut light = [0.0; 3];
+    let per_block = sums.first().map_or(1, |block| block[0].len());
+    for index in 0..batch.count() {
+        let block = &sums[index / per_block];
+        for (sum, channel) in light.iter_mut().zip(block) {
+            *sum += channel[index % per_block];
+        }
+    }
+    debug_assert!(light.iter().all(|channel| channel.is_finite()));
+    Value {
+        light,
+        evaluations: batch.count() as u64 * rule.along.rule.size() as u64,
+        resolved: rule.resolved,
+    }
+}

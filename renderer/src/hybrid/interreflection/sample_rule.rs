@@ -1,0 +1,232 @@
+//! Cubature over the sample for one receiver on the chart.
+//!
+//! The sample is cut into lines of constant v. The outer rule runs over v in a variable s with
+//! v = nearest + delta sinh s, about the point of the sample nearest to the receiver, and is parted
+//! at the square's corners; [`super::transfer`] integrates along each line.
+
+use super::super::elementary::{asinh, exp};
+use super::super::gauss::{GaussRule, POINTS_MAX};
+use super::super::slopes::Fineness;
+use super::transfer::{Along, Receiver};
+use crate::reflectance::lobe::Lobe;
+use crate::vector::Vec3;
+
+/// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
+const TURN_FROM: f64 = 10.0;
+
+/// Digits beyond those that count at which the tail of a narrow lobe is cut.
+const TAIL_DIGITS: f64 = 1.0;
+
+/// A lobe of exponent n falls by exp(-1/2) over a slope of 1/sqrt(n), which is an angle of about
+/// twice that between the receiver's directions.
+const WIDTHS_PER_ANGLE: f64 = 0.5;
+
+/// Intervals of s shorter than this are corners that coincide.
+const SHORTEST: f64 = 1e-9;
+
+/// Lines that a rule is likely to have.
+const LINES_LIKELY: usize = 32;
+
+/// A right angle.
+const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Steps of a side of the square among which the lobe's middle is looked for, and halvings.
+const STEPS: usize = 8;
+const HALVINGS: usize = 12;
+
+/// Finds where a function changes its sign between 0 and 1.
+fn crossings(function: impl Fn(f64) -> f64, mut found: impl FnMut(f64)) {
+    let at = |step: usize| step as f64 / STEPS as f64;
+    let mut before = function(0.0);
+    for step in 1..=STEPS {
+        let after = function(at(step));
+        if (before > 0.0) != (after > 0.0) {
+            let (mut low, mut high) = (at(step - 1), at(step));
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if (function(middle) > 0.0) == (before > 0.0) {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            found(0.5 * (low + high));
+        }
+        before = after;
+    }
+}
+
+/// The sample and the frame (u, v, z) in which its lines run along u.
+#[derive(Clone, Copy, Debug)]
+pub struct SampleFrame {
+    half: f64,
+    /// The u axis in the world.
+    pub u_axis: [f64; 2],
+    /// Whether h_u is the slope along which the lobe is narrow, so that lines can be cut to it.
+    aligned: bool,
+    n_u: f64,
+    n_v: f64,
+}
+
+/// The lines for a receiver: v, weight, and the least and largest u of each; and the rule along
+/// them.
+pub struct SampleRule {
+    /// v, its weight, and both ends.
+    pub lines: Vec<[f64; 4]>,
+    /// The rule along each.
+    pub along: Along,
+    /// Whether the rules have points enough for the lobe.
+    pub resolved: bool,
+}
+
+impl SampleFrame {
+    /// The frame for a lobe on a square of this half side.
+    pub fn new(half: f64, lobe: &Lobe) -> Self {
+        let isotropic = lobe.n_u <= lobe.n_v;
+        let turned = lobe.n_u > TURN_FROM && !isotropic;
+        let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+        Self {
+            half,
+            u_axis: if turned { [axis.x, axis.y] } else { [1.0, 0.0] },
+            aligned: turned || isotropic,
+            n_u: lobe.n_u,
+            n_v: if turned { lobe.n_v } else { lobe.n_u },
+        }
+    }
+
+    /// A vector of the world in the frame.
+    pub fn to_frame(self, w: Vec3) -> Vec3 {
+        let [cos, sin] = self.u_axis;
+        Vec3::new(w.x * cos + w.y * sin, w.y * cos - w.x * sin, w.z)
+    }
+
+    /// The least and largest u of a line, the former above the latter where it misses the square.
+    fn line(&self, v: f64) -> [f64; 2] {
+        let ([cos, sin], half) = (self.u_axis, self.half);
+        // -half <= slope u + offset <= half
+        let bound = |slope: f64, offset: f64| {
+            if slope.abs() < 1e-12 {
+                [f64::NEG_INFINITY, f64::INFINITY]
+            } else {
+                let ends = [(-half - offset) / slope, (half - offset) / slope];
+                [ends[0].min(ends[1]), ends[0].max(ends[1])]
+            }
+        };
+        let (x, y) = (bound(cos, -v * sin), bound(sin, v * cos));
+        [x[0].max(y[0]), x[1].min(y[1])]
+    }
+
+    /// The rule for a receiver, and for a source if all lines share one (both in the frame).
+    pub fn rule(
+        &self,
+        receiver: &Receiver,
+        source: Option<Vec3>,
+        fineness: Fineness,
+    ) -> SampleRule {
+        let ([cos, sin], half, c) = (self.u_axis, self.half, receiver.position);
+        let (x, y) = (c.x * cos - c.y * sin, c.x * sin + c.y * cos);
+        let (near_x, near_y) = (x.clamp(-half, half), y.clamp(-half, half));
+        let nearest = near_y * cos - near_x * sin;
+        let delta = Vec3::new(x - near_x, y - near_y, c.z).length();
+        let mut lines = Vec::with_capacity(LINES_LIKELY);
+        let (mut longest, mut closest) = ([0.0; 3], [0.0, f64::INFINITY, 0.0]);
+        let mut resolved = true;
+        let ends = self.ends(receiver, source, |v| asinh((v - nearest) / delta));
+        for pair in ends.windows(2) {
+            let [from, to] = [pair[0], pair[1]];
+            if to - from < SHORTEST {
+                continue;
+            }
+            let points = self.points(self.n_v, from, to, fineness);
+            resolved &= points <= POINTS_MAX;
+            for (s, weight) in GaussRule::of(points).on(from, to) {
+                let e = exp(s);
+                let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+                let v = nearest + delta * sinh;
+                let [low, high] = self.line(v);
+                if low >= high {
+                    continue;
+                }
+                lines.push([v, weight * delta * cosh, low, high]);
+                if high - low > longest[2] - longest[1] {
+                    longest = [v, low, high];
+                }
+                if (v - nearest).abs() < (closest[0] - nearest).abs() || closest[1] > closest[2] {
+                    closest = [v, low, high];
+                }
+            }
+        }
+        let most = [longest, closest]
+            .map(|line| self.points_along(receiver, line, fineness))
+            .into_iter()
+            .fold(1, usize::max);
+        let within = fineness.points(fineness.reach_widths(TAIL_DIGITS), 1.0);
+        let cut = self.aligned && within < most;
+        SampleRule {
+            lines,
+            along: Along {
+                rule: GaussRule::of(if cut { within } else { most }),
+                reach: cut.then(|| 0.5 * fineness.reach_widths(TAIL_DIGITS)),
+            },
+            resolved: resolved && (cut || most <= POINTS_MAX),
+        }
+    }
+
+    /// Points along a line: v, and its least and largest u.
+    fn points_along(&self, receiver: &Receiver, line: [f64; 3], fineness: Fineness) -> usize {
+        let ([v, low, high], c) = (line, receiver.position);
+        if low >= high {
+            return 1;
+        }
+        let nearest = c.x.clamp(low, high);
+        let (off, across) = (c.x - nearest, c.y - v);
+        let reach = (off * off + across * across + c.z * c.z).sqrt();
+        let [first, last] = [low, high].map(|u| asinh((u - nearest) / reach));
+        self.points(self.n_u, first, last, fineness)
+    }
+
+    /// Where the outer rule is parted, as values of s: at the square's corners, and where the
+    /// middle of a lobe that is narrow along u leaves the square.
+    fn ends(
+        &self,
+        receiver: &Receiver,
+        source: Option<Vec3>,
+        s_of: impl Fn(f64) -> f64,
+    ) -> Vec<f64> {
+        let ([cos, sin], half) = (self.u_axis, self.half);
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+            .map(|(x, y)| [half * (x * cos + y * sin), half * (y * cos - x * sin)]);
+        let mut ends: Vec<f64> = corners.iter().map(|&[_, v]| s_of(v)).collect();
+        if let (Some(source), true) = (source, self.aligned && self.n_u > TURN_FROM) {
+            let h_u = |u: f64, v: f64| {
+                [receiver.position, source]
+                    .map(|to| {
+                        let (du, dv) = (to.x - u, to.y - v);
+                        du / (du * du + dv * dv + to.z * to.z).sqrt()
+                    })
+                    .into_iter()
+                    .sum::<f64>()
+            };
+            for (index, from) in corners.iter().enumerate() {
+                let to = corners[(index + 1) % corners.len()];
+                let at = |t: f64| [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
+                let value = |t: f64| {
+                    let [u, v] = at(t);
+                    h_u(u, v)
+                };
+                crossings(value, |t| ends.push(s_of(at(t)[1])));
+            }
+        }
+        ends.sort_unstable_by(f64::total_cmp);
+        ends
+    }
+
+    /// Gauss points for an interval of a variable whose hyperbolic sine is the tangent of an angle,
+    /// over which a lobe of exponent `n` varies.
+    fn points(&self, n: f64, from: f64, to: f64, fineness: Fineness) -> usize {
+        // atan(sinh s) is 2 atan(tanh(s / 2)): at most s, and at most a right angle.
+        let angle = (to.min(QUARTER) - from.max(-QUARTER)).max(0.0);
+        let widths = WIDTHS_PER_ANGLE * angle * n.sqrt();
+        fineness.points(widths, fineness.more_beside(to - from))
+    }
+}

@@ -1,0 +1,98 @@
+//! Point sources that stand for the bulb and for the chart.
+
+use super::super::chart::Panel;
+use super::super::gauss::GaussRule;
+use std::f64::consts::PI;
+
+/// The finest division of a patch: 2 to this power along either side.
+const DIVISIONS_MAX: u32 = 8;
+
+/// A cubature over the unit disc: two coordinates and a weight, the weights adding up to 1. With
+/// `rings` rings it is exact to degree 4 `rings` - 1.
+pub fn disc(rings: usize) -> Vec<[f64; 3]> {
+    let spokes = 4 * rings;
+    let mut points = Vec::with_capacity(rings * spokes);
+    for (radius2, weight) in GaussRule::of(rings).on(0.0, 1.0) {
+        let radius = radius2.sqrt();
+        for spoke in 0..spokes {
+            let angle = 2.0 * PI * (spoke as f64 + 0.5) / spokes as f64;
+            let (sin, cos) = libm::sincos(angle);
+            points.push([radius * cos, radius * sin, weight / spokes as f64]);
+        }
+    }
+    points
+}
+
+/// A point of a cubature over the chart.
+#[derive(Clone, Copy, Debug)]
+pub struct ChartPoint {
+    /// Where: (a, b).
+    pub at: [f64; 2],
+    /// Its share of the chart's area, in square metres.
+    pub area: f64,
+    /// On which patch.
+    pub patch: usize,
+}
+
+/// A cubature over the chart. Patches are halved until a cell's sides are at most `ratio` times its
+/// distance from the sample, a square of half side `half`; each cell has `points` by `points`.
+pub fn chart_points(
+    panel: &Panel,
+    half: f64,
+    gap: f64,
+    ratio: f64,
+    points: usize,
+) -> Vec<ChartPoint> {
+    let mut found = Vec::new();
+    let mut open = Vec::new();
+    for row in 0..panel.rows {
+        for column in 0..panel.columns {
+            let low = [column, row].map(|step| f64::from(step) * panel.pitch);
+            let patch = ((panel.rows - 1 - row) * panel.columns + column) as usize;
+            open.push((low, panel.pitch, patch, 0));
+        }
+    }
+    while let Some(([a, b], side, patch, depth)) = open.pop() {
+        let (left, right) = (panel.corner.x + a, panel.corner.x + a + side);
+        let beside = (left - half).max(-half - right).max(0.0);
+        let distance = libm::hypot(gap + b, beside);
+        if side > ratio * distance && depth < DIVISIONS_MAX {
+            let side = 0.5 * side;
+            for (da, db) in [(0.0, 0.0), (side, 0.0), (0.0, side), (side, side)] {
+                open.push(([a + da, b + db], side, patch, depth + 1));
+            }
+            continue;
+        }
+        let rule = GaussRule::of(points);
+        for (b, weight_b) in rule.on(b, b + side) {
+            for (a, weight_a) in rule.on(a, a + side) {
+                found.push(ChartPoint {
+                    at: [a, b],
+                    area: weight_a * weight_b,
+                    patch,
+                });
+            }
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn discs_integrate_polynomials() {
+        for rings in 1..6 {
+            let mean = |f: fn(f64, f64) -> f64| -> f64 {
+                disc(rings).iter().map(|&[x, y, w]| w * f(x, y)).sum()
+            };
+            assert!((mean(|_, _| 1.0) - 1.0).abs() < 1e-14);
+            assert!((mean(|x, _| x * x) - 0.25).abs() < 1e-14);
+            assert!(mean(|x, y| x * x * y).abs() < 1e-14);
+            if rings > 1 {
+                assert!((mean(|x, y| x * x * y * y) - 1.0 / 24.0).abs() < 1e-14);
+            }
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! The sample's reflectance as the kernels of interreflection see it.
+
+use super::super::elementary::{exp, log1p};
+use crate::reflectance::Reflectance;
+use crate::vector::Vec3;
+use dataset::specification::Tint;
+use std::f64::consts::FRAC_1_PI;
+
+/// Luminance weights of linear Rec.709.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+
+/// A material in a frame (u, v, z) of the sample's plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// The lobe's exponents.
+    pub n_u: f64,
+    /// The one along the other axis.
+    pub n_v: f64,
+    /// Index of refraction.
+    pub ior: f64,
+    /// The Lambertian reflectance over pi.
+    pub lambert: [f64; 3],
+    /// The lobe's u axis in the frame.
+    axis: [f64; 2],
+    /// Before the lobe's power.
+    scale: f64,
+    hue: bool,
+    rgb0: [f64; 3],
+    rgb90: [f64; 3],
+}
+
+impl Surface {
+    /// The material in a frame whose u axis is `u_axis`.
+    pub fn new(reflectance: &Reflectance, [cos, sin]: [f64; 2]) -> Self {
+        let lobe = &reflectance.lobe;
+        let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+        let share = reflectance.specular_share;
+        let (kind, rgb90) = reflectance.tint_model();
+        Self {
+            n_u: lobe.n_u,
+            n_v: lobe.n_v,
+            ior: reflectance.ior,
+            lambert: reflectance
+                .rgb0
+                .map(|channel| (1.0 - share) * FRAC_1_PI * channel),
+            axis: [axis.x * cos + axis.y * sin, axis.y * cos - axis.x * sin],
+            scale: share * 0.25 * FRAC_1_PI * lobe.normalization,
+            hue: kind == Tint::Hue,
+            rgb0: reflectance.rgb0,
+            rgb90,
+        }
+    }
+
+    /// The specular part of f cos_i but for its tint. A light below the horizon gives 0.
+    #[inline(always)]
+    pub fn specular(&self, wi: &Vec3, wo: &Vec3) -> f64 {
+        let (x, y, z) = (wi.x + wo.x, wi.y + wo.y, wi.z + wo.z);
+        let [cos, sin] = self.axis;
+        let (u, v) = (cos * x + sin * y, cos * y - sin * x);
+        let (u2, v2, z2) = (u * u, v * v, z * z + f64::MIN_POSITIVE);
+        let tangential = u2 + v2;
+        let exponent = (self.n_u * u2 + self.n_v * v2) / (tangential + f64::MIN_POSITIVE);
+        let power = exp(-0.5 * exponent * log1p(tangential / z2));
+        let cos_i = if wi.z > 0.0 { wi.z } else { 0.0 };
+        let larger = if cos_i > wo.z { cos_i } else { wo.z };
+        let larger = if larger > 0.0 { larger } else { 1.0 };
+        self.scale * power * cos_i / ((tangential + z2).sqrt() * larger)
+    }
+
+    /// Minus the logarithm of the lobe's power for a half vector in a frame along its axes.
+    #[inline(always)]
+    pub fn depth(&self, u: f64, v: f64, z: f64) -> f64 {
+        let (u2, v2, z2) = (u * u, v * v, z * z + f64::MIN_POSITIVE);
+        let tangential = u2 + v2 + f64::MIN_POSITIVE;
+        let exponent = (self.n_u * u2 + self.n_v * v2) / tangential;
+        0.5 * exponent * log1p(tangential / z2)
+    }
+
+    /// The tint toward a viewer at `cos_o`: [`crate::reflectance::tint`] without branches.
+    #[inline(always)]
+    pub fn tint(&self, fresnel: f64, cos_o: f64) -> [f64; 3] {
+        let sin_o = 1.0 - cos_o;
+        let r = self.rgb90[0] * sin_o + self.rgb0[0] * cos_o;
+        let g = self.rgb90[1] * sin_o + self.rgb0[1] * cos_o;
+        let b = self.rgb90[2] * sin_o + self.rgb0[2] * cos_o;
+        let largest = if r > g { r } else { g };
+        let largest = if largest > b { largest } else { b };
+        let dark = largest <= 0.0;
+        let scale = 1.0 / if dark { 1.0 } else { largest };
+        let (hr, hg, hb) = (r * scale, g * scale, b * scale);
+        let luminance = LUMINANCE[0] * hr + LUMINANCE[1] * hg + LUMINANCE[2] * hb;
+        let brightest = fresnel / if dark { 1.0 } else { luminance };
+        let over = brightest > 1.0;
+        let saturation = (1.0 - fresnel) / if over { brightest - fresnel } else { 1.0 };
+        let hue = |full: f64| {
+            let value = if over {
+                fresnel + saturation * (full - fresnel)
+            } else {
+                full
+            };
+            if dark { fresnel } else { value }
+        };
+        let (hr, hg, hb) = (
+            hue(hr * brightest),
+            hue(hg * brightest),
+            hue(hb * brightest),
+        );
+        [
+            if self.hue { hr } else { fresnel * r },
+            if self.hue { hg } else { fresnel * g },
+            if self.hue { hb } else { fresnel * b },
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::Material;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_surface_is_the_model(
+            roughness in 20.0..100.0f64, anisotropy in 0.0..1.0f64, angle_deg in 0.0..180.0f64,
+            turn in 0.0..6.0f64, ior in 1.0..10.0f64,
+            rgb0 in prop::array::uniform3(0.0..1.0f64), rgb90 in prop::array::uniform3(0.0..1.0f64),
+            i in prop::array::uniform2(-2.0..2.0f64), o in prop::array::uniform2(-2.0..2.0f64),
+        ) {
+            let material = Material { roughness, anisotropy, angle_deg, ior, rgb0, rgb90 };
+            let [wi, wo] = [i, o].map(|[x, y]| Vec3::new(x, y, 1.0).normalized());
+            let (sin, cos) = libm::sincos(turn);
+            let turned = |w: Vec3| Vec3::new(w.x * cos + w.y * sin, w.y * cos - w.x * sin, w.z);
+            for kind in [Tint::Hue, Tint::Product] {
+                let reflectance = Reflectance::new(&material, 0.0, kind);
+                let surface = Surface::new(&reflectance, [cos, sin]);
+                let expected = reflectance.evaluate(wi, wo);
+                let fresnel = crate::reflectance::fresnel::reflectance(wi.z, ior);
+                let tint = surface.tint(fresnel, wo.z);
+                for channel in 0..3 {
+                    let found = surface.specular(&turned(wi), &turned(wo)) * tint[channel]
+                        + surface.lambert[channel] * wi.z;
+                    let off = (found - expected[channel] * wi.z).abs();
+                    prop_assert!(off < 1e-11 * (1.0 + found), "{} {}", found, expected[channel]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! The bounds against brute force, in geometries drawn at random.
+
+use super::Frame;
+use super::bound::Bounds;
+use crate::geometry::BackendChoice;
+use crate::hybrid::Stage;
+use crate::reflectance::Reflectance;
+use crate::scene::Scene;
+use crate::vector::Vec3;
+use dataset::{
+    Material, Specification,
+    specification::{Tint, View},
+};
+use proptest::prelude::*;
+
+/// Positions along each side of sample and chart that brute force tries.
+const TRIED: usize = 6;
+
+fn specification(tilt_deg: f64, light_deg: f64, gap_m: f64, pitch_m: f64) -> Specification {
+    let mut specification = Specification::preset();
+    specification.checker.tilt_deg = tilt_deg;
+    specification.checker.pitch_m = pitch_m;
+    specification.checker.lower_edge_y_m = 0.5 * specification.sample.side_m + gap_m;
+    specification.camera.film_half_width = 0.01;
+    specification.views = vec![View {
+        camera_elevation_deg: 60.0,
+        light_elevation_deg: light_deg,
+        rotation_deg: 0.0,
+        checker: true,
+    }];
+    specification
+}
+
+/// Irradiance over pi at a point of the chart by the bulb's centre alone, and the factor from the
+/// radiance of the chart, by midpoint rules.
+fn brute_force(frame: &Frame<'_>, reflectance: &Reflectance, at: [f64; 2]) -> [f64; 2] {
+    let stage = frame.stage;
+    let normal = frame.panel.panel.z;
+    let [width, height] = frame.panel.panel.size();
+    let receiver = frame.panel.panel.point(at[0], at[1]);
+    let step = |index: usize| (index as f64 + 0.5) / TRIED as f64;
+    let side = 2.0 * stage.sample_half;
+    let cell = side / TRIED as f64;
+    let patch = width * height / (TRIED * TRIED) as f64;
+    let (mut order_1, mut transfer) = (0.0, 0.0);
+    for index in 0..TRIED * TRIED {
+        let [x, y] = [index % TRIED, index / TRIED].map(|i| side * (step(i) - 0.5));
+        let from = Vec3::new(x, y, 0.0);
+        let to = receiver - from;
+        let wo = to.normalized();
+        let form = wo.z * -normal.dot(wo) / to.length_squared()
+            * cell
+            * cell
+            * std::f64::consts::FRAC_1_PI;
+        // So close a midpoint rule says nothing.
+        if form <= 0.0 || to.length_squared() < 9.0 * cell * cell {
+            continue;
+        }
+        let bulb = stage.bulb_centre - from;
+        let sin2 = stage.bulb_radius * stage.bulb_radius / bulb.length_squared();
+        let wi = bulb.normalized();
+        let light = stage.bulb_radiance * std::f64::consts::PI * sin2 * wi.z;
+        order_1 += form * light * super::largest(reflectance.evaluate(wi, wo));
+        for chart in 0..TRIED * TRIED {
+            let at = [width * step(chart % TRIED), height * step(chart / TRIED)];
+            let offset = frame.panel.panel.point(at[0], at[1]) - from;
+            let wi = offset.normalized();
+            let angle = patch * (-normal.dot(wi)).max(0.0) / offset.length_squared();
+            transfer += form * angle * wi.z * super::largest(reflectance.evaluate(wi, wo));
+        }
+    }
+    [order_1, transfer]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+    #[test]
+    fn bounds_bound(
+        tilt_deg in 5.0..90.0f64, light in 0.0..1.0f64, gap_m in 0.0..0.1f64,
+        pitch_m in 0.005..0.1f64, roughness in 5.0..90.0f64, anisotropy in 0.0..1.0f64,
+        angle_deg in 0.0..180.0f64, ior in 1.0..10.0f64,
+    ) {
+        // The bulb has to stand in front of the chart.
+        let light_deg = (tilt_deg - 25.0).max(5.0) + light * (90.0 - (tilt_deg - 25.0).max(5.0));
+        let specification = specification(tilt_deg, light_deg, gap_m, pitch_m);
+        let material = Material {
+            roughness, anisotropy, angle_deg, ior,
+            rgb0: [1.0; 3], rgb90: [1.0; 3],
+        };
+        let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+        let scene = Scene::new(&specification, 0, BackendChoice::Native)
+            .expect("a view").expect("native geometry");
+        let Some(stage) = Stage::new(&scene, &specification) else { return Ok(()) };
+        let Some(panel) = stage.panel.as_ref() else { return Ok(()) };
+        let frame = Frame::new(&stage, panel, &reflectance);
+        let bounds = Bounds::new(&frame, &reflectance);
+        let [width, height] = panel.panel.size();
+        for (a, b) in [(0.1, 0.05), (0.5, 0.3), (0.5, 0.9), (0.9, 0.6)] {
+            let [order_1, transfer] = brute_force(&frame, &reflectance, [a * width, b * height]);
+            prop_assert!(order_1 <= bounds.order_1, "{} {:?}", order_1, bounds);
+            prop_assert!(transfer <= bounds.transfer, "{} {:?}", transfer, bounds);
+        }
+    }
+}

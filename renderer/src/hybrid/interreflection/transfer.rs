@@ -1,0 +1,442 @@
+//! What a point source sends to a point of the chart off one line of the sample.
+//!
+//! Everything is in a frame (u, v, z) of the sample's plane. A line of constant v is integrated
+//! over u in a variable t with u = nearest + delta sinh t, where `nearest` is the point of the line
+//! nearest to the receiver and `delta` its distance: in t the integrand stays smooth however close
+//! the receiver comes to the sample. Where the lobe is narrow along u, the rule covers only the
+//! part of the line that the lobe reaches, whose middle is the one root of h_u.
+
+use super::super::batch::{Batch, LANES};
+use super::super::elementary::{asinh, exp, log1p};
+use super::super::gauss::GaussRule;
+use super::surface::Surface;
+use crate::instructions::kernel;
+use crate::reflectance::fresnel;
+use crate::vector::Vec3;
+use std::f64::consts::{FRAC_1_PI, PI};
+
+/// A line of the sample with a source: v, its weight, the least and largest u, and three numbers
+/// of the source.
+pub type LineBatch = Batch<7>;
+
+/// What arrives at the receiver for each line, by channel: irradiance over pi.
+pub type LineSums = Vec<[[f64; LANES]; 3]>;
+
+/// A point of the chart that receives light.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// Where.
+    pub position: Vec3,
+    /// The normal of the chart's front.
+    pub normal: Vec3,
+}
+
+/// The rule along every line.
+#[derive(Clone, Copy)]
+pub struct Along {
+    /// The rule.
+    pub rule: &'static GaussRule,
+    /// How many widths of the lobe it covers on either side of h_u = 0; `None` for all of the line.
+    pub reach: Option<f64>,
+}
+
+/// The light from a source at a point of the sample.
+struct Light {
+    wi: Vec3,
+    /// Radiance times solid angle.
+    weight: f64,
+    /// The irradiance.
+    irradiance: f64,
+}
+
+/// A family of point sources, told apart by three numbers.
+trait Sources {
+    fn light(&self, source: [f64; 3], u: f64, v: f64) -> Light;
+}
+
+/// The points of a cubature over the bulb: two coordinates on the unit disc and a weight. The disc
+/// is mapped to the cap of directions by Lambert's azimuthal map, which keeps areas.
+#[derive(Clone, Copy, Debug)]
+pub struct Bulb {
+    /// The centre in the frame.
+    pub centre: Vec3,
+    /// Squared, in square metres.
+    pub radius2: f64,
+    /// In units of white.
+    pub radiance: f64,
+    /// The world's x axis in the frame. No direction to the centre is parallel to it, because the
+    /// specification keeps the bulb above the sample's plane.
+    pub x_axis: [f64; 2],
+}
+
+impl Sources for Bulb {
+    #[inline(always)]
+    fn light(&self, [x, y, share]: [f64; 3], u: f64, v: f64) -> Light {
+        let (cx, cy, cz) = (self.centre.x - u, self.centre.y - v, self.centre.z);
+        let distance2 = cx * cx + cy * cy + cz * cz;
+        let inverse = 1.0 / distance2.sqrt();
+        let (cx, cy, cz) = (cx * inverse, cy * inverse, cz * inverse);
+        let sin2 = self.radius2 * inverse * inverse;
+        // Twice one minus the cosine of the half angle: the square of the map's radius.
+        let reach2 = 2.0 * sin2 / (1.0 + (1.0 - sin2).sqrt());
+        let reach = reach2.sqrt();
+        // The x axis times the centre's direction.
+        let [ex, ey] = self.x_axis;
+        let (ax, ay, az) = (ey * cz, -ex * cz, ex * cy - ey * cx);
+        let scale = 1.0 / (ax * ax + ay * ay + az * az).sqrt();
+        let (ax, ay, az) = (ax * scale, ay * scale, az * scale);
+        let (bx, by, bz) = (cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax);
+        let chord2 = reach2 * (x * x + y * y);
+        let along = 1.0 - 0.5 * chord2;
+        let across = reach * (1.0 - 0.25 * chord2).sqrt();
+        let (x, y) = (across * x, across * y);
+        let radiance = self.radiance * share;
+        Light {
+            wi: Vec3 {
+                x: cx * along + ax * x + bx * y,
+                y: cy * along + ay * x + by * y,
+                z: cz * along + az * x + bz * y,
+            },
+            weight: radiance * PI * reach2,
+            irradiance: radiance * PI * sin2 * cz,
+        }
+    }
+}
+
+/// Points of the chart of unit radiance times area.
+#[derive(Clone, Copy, Debug)]
+pub struct ChartPoints {
+    /// The normal of the chart's front in the frame.
+    pub normal: Vec3,
+}
+
+impl Sources for ChartPoints {
+    #[inline(always)]
+    fn light(&self, [x, y, z]: [f64; 3], u: f64, v: f64) -> Light {
+        let (x, y) = (x - u, y - v);
+        let distance2 = x * x + y * y + z * z;
+        let inverse = 1.0 / distance2.sqrt();
+        let (x, y, z) = (x * inverse, y * inverse, z * inverse);
+        let n = self.normal;
+        let cosine = -(n.x * x + n.y * y + n.z * z);
+        let cosine = if cosine > 0.0 { cosine } else { 0.0 };
+        let weight = cosine * inverse * inverse;
+        Light {
+            wi: Vec3 { x, y, z },
+            weight,
+            irradiance: weight * z,
+        }
+    }
+}
+
+/// The lines of a block as the kernels see them.
+struct Lines<'a> {
+    v: &'a [f64; LANES],
+    sources: [&'a [f64; LANES]; 3],
+    nearest: [f64; LANES],
+    delta: [f64; LANES],
+    low: [f64; LANES],
+    high: [f64; LANES],
+}
+
+impl<'a> Lines<'a> {
+    #[inline(always)]
+    fn new(block: [&'a [f64; LANES]; 7], receiver: &Receiver) -> Self {
+        let [v, _, low, high, x, y, z] = block;
+        let c = receiver.position;
+        let mut lines = Self {
+            v,
+            sources: [x, y, z],
+            nearest: [0.0; LANES],
+            delta: [0.0; LANES],
+            low: [0.0; LANES],
+            high: [0.0; LANES],
+        };
+        for i in 0..LANES {
+            let nearest = if c.x < high[i] { c.x } else { high[i] };
+            let nearest = if nearest > low[i] { nearest } else { low[i] };
+            let (off_u, off_v) = (c.x - nearest, c.y - v[i]);
+            let delta = (off_u * off_u + off_v * off_v + c.z * c.z).sqrt();
+            let inverse = 1.0 / delta;
+            lines.nearest[i] = nearest;
+            lines.delta[i] = delta;
+            lines.low[i] = asinh((low[i] - nearest) * inverse);
+            lines.high[i] = asinh((high[i] - nearest) * inverse);
+        }
+        lines
+    }
+
+    /// A short interval of t about the root of h_u on each line, or about the end next to it.
+    #[inline(always)]
+    fn bracket<S: Sources>(&self, receiver: &Receiver, sources: &S) -> [[f64; LANES]; 2] {
+        /// Halvings of the bracket of the root, and secant steps after them.
+        const HALVINGS: usize = 9;
+        const SECANTS: usize = 2;
+        let (mut a, mut b) = (self.low, self.high);
+        // h_u falls along the line.
+        for _ in 0..HALVINGS {
+            for i in 0..LANES {
+                let middle = 0.5 * (a[i] + b[i]);
+                let [h_u, ..] = self.half(i, middle, receiver, sources);
+                a[i] = if h_u > 0.0 { middle } else { a[i] };
+                b[i] = if h_u > 0.0 { b[i] } else { middle };
+            }
+        }
+        for _ in 0..SECANTS {
+            for i in 0..LANES {
+                let [at_a, ..] = self.half(i, a[i], receiver, sources);
+                let [at_b, ..] = self.half(i, b[i], receiver, sources);
+                let fall = at_a - at_b;
+                let share = if fall > 0.0 { at_a / fall } else { 0.5 };
+                let share = if share > 0.0 { share } else { 0.0 };
+                let share = if share < 1.0 { share } else { 1.0 };
+                let root = a[i] + share * (b[i] - a[i]);
+                let width = 0.125 * (b[i] - a[i]);
+                a[i] = root - width;
+                b[i] = root + width;
+            }
+        }
+        [a, b]
+    }
+
+    /// Cuts each line to the part that the lobe reaches, about a bracket of the root of h_u.
+    #[inline(always)]
+    fn narrow<S: Sources>(
+        &mut self,
+        receiver: &Receiver,
+        surface: &Surface,
+        sources: &S,
+        reach: f64,
+    ) {
+        /// The step of a difference quotient, in t.
+        const STEP: f64 = 1e-4;
+        /// Corrections of the ends.
+        const CORRECTIONS: usize = 3;
+        let [mut a, mut b] = self.bracket(receiver, sources);
+        let mut middle = [0.0; LANES];
+        for i in 0..LANES {
+            let root = 0.5 * (a[i] + b[i]);
+            let root = if root > self.low[i] {
+                root
+            } else {
+                self.low[i]
+            };
+            let root = if root < self.high[i] {
+                root
+            } else {
+                self.high[i]
+            };
+            let [u0, v0, z0] = self.half(i, root - STEP, receiver, sources);
+            let [u1, _, z1] = self.half(i, root + STEP, receiver, sources);
+            let slope = (u0 / z0 - u1 / z1) * (0.5 / STEP);
+            let slope = if slope > 1e-9 { slope } else { 1e-9 };
+            // Far out along its other axis a lobe is wider along this one.
+            let t = v0 * v0 / (z0 * z0) + 1e-12;
+            let width = reach * (t / (surface.n_u * log1p(t))).sqrt() / slope;
+            a[i] = root - width;
+            b[i] = root + width;
+            middle[i] = root;
+        }
+        // The slope is no linear function of t: move the ends to where the lobe really is so low.
+        let depth = 0.5 * reach * reach;
+        for _ in 0..CORRECTIONS {
+            for i in 0..LANES {
+                let root = middle[i];
+                let at = if a[i] > self.low[i] {
+                    a[i]
+                } else {
+                    self.low[i]
+                };
+                let [u, v, z] = self.half(i, at, receiver, sources);
+                a[i] = root + widening(depth, surface.depth(u, v, z)) * (a[i] - root);
+            }
+            for i in 0..LANES {
+                let root = middle[i];
+                let at = if b[i] < self.high[i] {
+                    b[i]
+                } else {
+                    self.high[i]
+                };
+                let [u, v, z] = self.half(i, at, receiver, sources);
+                b[i] = root + widening(depth, surface.depth(u, v, z)) * (b[i] - root);
+            }
+        }
+        for i in 0..LANES {
+            self.low[i] = if a[i] > self.low[i] {
+                a[i]
+            } else {
+                self.low[i]
+            };
+            self.high[i] = if b[i] < self.high[i] {
+                b[i]
+            } else {
+                self.high[i]
+            };
+            self.high[i] = if self.high[i] > self.low[i] {
+                self.high[i]
+            } else {
+                self.low[i]
+            };
+        }
+    }
+
+    /// Where a t lies.
+    #[inline(always)]
+    fn u(&self, i: usize, t: f64) -> (f64, f64) {
+        let e = exp(t);
+        let inverse = 1.0 / e;
+        let (sinh, cosh) = (0.5 * (e - inverse), 0.5 * (e + inverse));
+        (self.nearest[i] + self.delta[i] * sinh, self.delta[i] * cosh)
+    }
+
+    #[inline(always)]
+    fn source(&self, i: usize) -> [f64; 3] {
+        [self.sources[0][i], self.sources[1][i], self.sources[2][i]]
+    }
+
+    /// The sum of the directions to light and receiver.
+    #[inline(always)]
+    fn half<S: Sources>(&self, i: usize, t: f64, receiver: &Receiver, sources: &S) -> [f64; 3] {
+        let (u, _) = self.u(i, t);
+        let wi = sources.light(self.source(i), u, self.v[i]).wi;
+        let c = receiver.position;
+        let (x, y) = (c.x - u, c.y - self.v[i]);
+        let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
+        [wi.x + x * inverse, wi.y + y * inverse, wi.z + c.z * inverse]
+    }
+}
+
+/// By how much an end moves away from the root, 1 to 4, if the lobe has fallen by `fallen` there.
+#[inline(always)]
+fn widening(depth: f64, fallen: f64) -> f64 {
+    let factor = (depth / (fallen + 1e-9)).sqrt();
+    let factor = if factor < 1.0 { 1.0 } else { factor };
+    if factor < 4.0 { factor } else { 4.0 }
+}
+
+/// The body of the kernels.
+#[inline(always)]
+fn transfer<S: Sources>(
+    batch: &LineBatch,
+    receiver: &Receiver,
+    surface: &Surface,
+    along: Along,
+    sources: &S,
+    sums: &mut [[[f64; LANES]; 3]],
+) {
+    for (block, sums) in batch.blocks().zip(sums) {
+        let mut lines = Lines::new(block, receiver);
+        if let Some(reach) = along.reach {
+            lines.narrow(receiver, surface, sources, reach);
+        }
+        let [_, weight_v, ..] = block;
+        *sums = [[0.0; LANES]; 3];
+        for node in along.rule.on(0.0, 1.0) {
+            add_node(&lines, weight_v, node, receiver, surface, sources, sums);
+        }
+    }
+}
+
+/// Adds a node of the rule along the lines: a share of their length, and its weight.
+#[inline(always)]
+fn add_node<S: Sources>(
+    lines: &Lines<'_>,
+    weight_v: &[f64; LANES],
+    (place, weight_t): (f64, f64),
+    receiver: &Receiver,
+    surface: &Surface,
+    sources: &S,
+    sums: &mut [[f64; LANES]; 3],
+) {
+    let (c, n, v) = (receiver.position, receiver.normal, lines.v);
+    // Several short loops: the compiler does not vectorise one long one.
+    let mut wi = [[0.0; LANES]; 3];
+    let mut wo = [[0.0; LANES]; 3];
+    let mut light = [[0.0; LANES]; 2];
+    let mut u = [[0.0; LANES]; 2];
+    for i in 0..LANES {
+        let length = lines.high[i] - lines.low[i];
+        let (at, du) = lines.u(i, lines.low[i] + place * length);
+        u[0][i] = at;
+        u[1][i] = weight_v[i] * weight_t * length * du;
+    }
+    for i in 0..LANES {
+        let found = sources.light(lines.source(i), u[0][i], v[i]);
+        wi[0][i] = found.wi.x;
+        wi[1][i] = found.wi.y;
+        wi[2][i] = found.wi.z;
+        light[0][i] = found.weight;
+        light[1][i] = found.irradiance;
+    }
+    for i in 0..LANES {
+        let (x, y) = (c.x - u[0][i], c.y - v[i]);
+        let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
+        let (x, y, z) = (x * inverse, y * inverse, c.z * inverse);
+        let facing = -(n.x * x + n.y * y + n.z * z);
+        let facing = if facing > 0.0 { facing } else { 0.0 };
+        let form = FRAC_1_PI * u[1][i] * z * facing * inverse * inverse;
+        wo[0][i] = x;
+        wo[1][i] = y;
+        wo[2][i] = z;
+        light[0][i] *= form;
+        light[1][i] *= form;
+    }
+    for i in 0..LANES {
+        let (wi, wo) = (
+            Vec3 {
+                x: wi[0][i],
+                y: wi[1][i],
+                z: wi[2][i],
+            },
+            Vec3 {
+                x: wo[0][i],
+                y: wo[1][i],
+                z: wo[2][i],
+            },
+        );
+        light[0][i] *= surface.specular(&wi, &wo);
+    }
+    let mut tints = [[0.0; LANES]; 3];
+    for i in 0..LANES {
+        let fresnel = fresnel::reflectance(wi[2][i], surface.ior);
+        let [r, g, b] = surface.tint(fresnel, wo[2][i]);
+        tints[0][i] = r;
+        tints[1][i] = g;
+        tints[2][i] = b;
+    }
+    for channel in 0..3 {
+        for i in 0..LANES {
+            let lambert = surface.lambert[channel] * light[1][i];
+            sums[channel][i] += light[0][i] * tints[channel][i] + lambert;
+        }
+    }
+}
+
+kernel! {
+    /// What the bulb sends to the receiver along each line.
+    pub fn from_bulb(
+        batch: &LineBatch,
+        receiver: &Receiver,
+        surface: &Surface,
+        along: Along,
+        bulb: &Bulb,
+        sums: &mut [[[f64; LANES]; 3]],
+    ) {
+        transfer(batch, receiver, surface, along, bulb, sums);
+    }
+}
+
+kernel! {
+    /// What points of the chart, each of unit radiance times area, send to the receiver along each
+    /// line.
+    pub fn from_chart(
+        batch: &LineBatch,
+        receiver: &Receiver,
+        surface: &Surface,
+        along: Along,
+        points: &ChartPoints,
+        sums: &mut [[[f64; LANES]; 3]],
+    ) {
+        transfer(batch, receiver, surface, along, points, sums);
+    }
+}
