@@ -10,9 +10,15 @@ use std::thread;
 use std::time::Duration;
 
 const EFFORT: Effort = Effort {
-    pixels_max: 16,
+    pixels_max: 12,
     samples_max: 1024,
     finer: true,
+};
+
+/// Where a term is missing, all renderings miss it.
+const REFERENCE_ONLY: Effort = Effort {
+    finer: false,
+    ..EFFORT
 };
 
 const VARIATIONS: u64 = 10;
@@ -32,7 +38,11 @@ fn white(roughness: f64, anisotropy: f64, ior: f64) -> Material {
 }
 
 /// Examines a case and its variations, and fails with all that was found.
-fn hold(case: &Case, vary: impl Fn(&mut Random, &mut Specification, &mut Material)) {
+fn hold(
+    case: &Case,
+    effort: Effort,
+    vary: impl Fn(&mut Random, &mut Specification, &mut Material),
+) {
     let mut failures = String::new();
     for variation in 0..=VARIATIONS {
         let case = if variation == 0 {
@@ -40,7 +50,7 @@ fn hold(case: &Case, vary: impl Fn(&mut Random, &mut Specification, &mut Materia
         } else {
             varied(case, variation, &vary)
         };
-        let outcome = examine(&case, EFFORT);
+        let outcome = examine(&case, effort);
         assert!(outcome.hybrid, "the hybrid integrator takes it");
         if !outcome.findings.is_empty() {
             failures += &format!("--- variation {variation}\n");
@@ -86,7 +96,7 @@ fn class_a_the_bulbs_mirror_image_is_found() {
         pixel = 'float'
     ";
     let case = Case::of_toml(TEXT, 6, white(0.0, 0.0, 10.0));
-    hold(&case, |random, specification, material| {
+    hold(&case, EFFORT, |random, specification, material| {
         square_film(specification, random.one_of(&[1, 2, 3, 4, 5, 6, 8]));
         let elevation_deg = random.uniform(20.0, 80.0);
         let view = &mut specification.views[0];
@@ -113,7 +123,7 @@ fn class_b_no_part_of_a_pixel_goes_to_its_neighbour() {
         checker = true
     ";
     let case = Case::of_toml(TEXT, 0, white(20.0, 0.0, 1.5));
-    hold(&case, |random, specification, material| {
+    hold(&case, EFFORT, |random, specification, material| {
         square_film(specification, random.one_of(&[2, 3, 5, 8, 13, 16]));
         let view = &mut specification.views[0];
         view.camera_elevation_deg = random.uniform(1.0, 15.0);
@@ -142,7 +152,7 @@ fn class_c_the_light_on_a_patch_is_worked_out() {
         patches_srgb8 = [[255, 255, 255]]
     ";
     let case = Case::of_toml(TEXT, 6, white(70.0, 0.0, 1.5));
-    hold(&case, |random, specification, material| {
+    hold(&case, REFERENCE_ONLY, |random, specification, material| {
         specification.checker.pitch_m = random.log_uniform(0.1, 1.0);
         specification.checker.tilt_deg = random.uniform(0.0, 40.0);
         specification.light.distance_m = random.uniform(0.2, 0.5);
@@ -164,13 +174,13 @@ fn class_d_the_bulb_hides_the_chart() {
         distance_m = 0.2
         radius_m = 0.05
     ";
-    let case = Case::of_toml(TEXT, 6, white(20.0, 0.0, 10.0));
-    hold(&case, |random, specification, material| {
+    let case = Case::of_toml(TEXT, 5, white(20.0, 0.0, 10.0));
+    hold(&case, REFERENCE_ONLY, |random, specification, material| {
         let light = &mut specification.light;
-        light.distance_m = random.uniform(0.15, 0.4);
-        light.radius_m = light.distance_m * random.uniform(0.1, 0.35);
-        specification.views[0].light_elevation_deg = random.uniform(30.0, 70.0);
-        specification.views[0].camera_elevation_deg = random.uniform(20.0, 60.0);
+        light.distance_m = random.uniform(0.15, 0.3);
+        light.radius_m = light.distance_m * random.uniform(0.15, 0.35);
+        specification.views[0].light_elevation_deg = random.uniform(30.0, 55.0);
+        specification.views[0].camera_elevation_deg = random.uniform(10.0, 40.0);
         material.roughness = random.uniform(0.0, 60.0);
     });
 }
@@ -191,7 +201,7 @@ fn class_e_narrow_lobes_light_the_chart() {
         checker = true
     ";
     let case = Case::of_toml(TEXT, 0, white(29.9, 0.0, 2.0));
-    hold(&case, |random, specification, material| {
+    hold(&case, REFERENCE_ONLY, |random, specification, material| {
         specification.checker.tilt_deg = random.uniform(50.0, 90.0);
         specification.views[0].light_elevation_deg = random.uniform(70.0, 90.0);
         specification.views[0].camera_elevation_deg = random.uniform(20.0, 70.0);
@@ -203,8 +213,8 @@ fn class_e_narrow_lobes_light_the_chart() {
 
 /// Renders in a thread of its own, which is left behind where it takes too long.
 fn seconds(case: Case) -> Option<f64> {
-    // Four times what is allowed, for a machine that does something else besides.
-    let patience = Duration::from_secs_f64(4.0 * SECONDS_MAX);
+    // By the clock on the wall, for a machine that does something else besides.
+    let patience = Duration::from_secs_f64(10.0 * SECONDS_MAX);
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
         let pool = rayon::ThreadPoolBuilder::new()

@@ -14,7 +14,7 @@ use rand_chacha::{
 const NEAR_SHARE: f64 = 0.4;
 
 /// Of the views that go to the path tracer so many are kept.
-const PATH_SHARE: f64 = 0.03;
+const PATH_SHARE: f64 = 0.1;
 
 /// Below this tolerance a rendering of many pixels takes minutes, so that films are small there.
 const TIGHT: f64 = 3e-5;

@@ -19,11 +19,13 @@ mod reference;
 mod reference_pixels;
 mod search;
 
-use dataset::{Specification, specification::View};
-use examine::Effort;
+use case::Case;
+use dataset::{Material, Specification, specification::View};
+use examine::{Effort, examine};
 use reference::Reference;
 use renderer::reflectance::Reflectance;
 use search::search;
+use std::path::PathBuf;
 
 /// The default suite's: about a minute.
 const DRAWS: u64 = 60;
@@ -102,4 +104,24 @@ fn a_long_search_finds_nothing() {
     let summary = search(seed, first, count, effort);
     summary.print();
     assert_eq!(summary.failures(), 0);
+}
+
+/// Examines the case that a failure printed: `BRDFARM_CASE` names the folder of its two files.
+#[test]
+#[ignore = "examines the files that it is told to"]
+fn a_case_of_files_holds() {
+    let folder = PathBuf::from(std::env::var("BRDFARM_CASE").expect("BRDFARM_CASE is a folder"));
+    let text = |name| std::fs::read_to_string(folder.join(name)).expect("a file of the case");
+    let material = Material::from_json(text("case.json").as_bytes()).expect("a material");
+    let case = Case::of_toml(&text("case.toml"), 0, material);
+    let effort = Effort {
+        pixels_max: 256,
+        samples_max: 16384,
+        finer: true,
+    };
+    let outcome = examine(&case, effort);
+    for finding in &outcome.findings {
+        println!("{finding}");
+    }
+    assert!(outcome.findings.is_empty());
 }

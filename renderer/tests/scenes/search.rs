@@ -2,7 +2,8 @@
 
 use crate::case::Case;
 use crate::draw::draw;
-use crate::examine::{Effort, Finding, Kind, Outcome, examine};
+use crate::examine::{Effort, Finding, Kind, Outcome, examine, seconds};
+use rustix::time::ClockId;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{
@@ -10,10 +11,10 @@ use std::sync::{
     atomic::{AtomicBool, AtomicU64, Ordering},
 };
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// After so long a case counts as unbounded; it ends the process.
-const PATIENCE: Duration = Duration::from_secs(150);
+/// After so many processor seconds a case counts as unbounded; it ends the process.
+const PATIENCE_SECONDS: f64 = 120.0;
 
 /// The exit code then. The shell script goes on with the next draw.
 const UNBOUNDED: i32 = 86;
@@ -53,23 +54,33 @@ impl Summary {
             .sum()
     }
 
+    /// One line of names and numbers, which `tests/scenes.sh` adds up.
     pub fn print(&self) {
+        let count = |kind| self.failed.get(&kind).copied().unwrap_or_default();
         let (seconds, index) = self.slowest;
         println!(
-            "drawn {}, hybrid {}, path {}, pixels compared {} (reference coarser than the limit in \
-             {}), failed {:?}, slowest {seconds:.1} s (draw {index})",
+            "counts: drawn {} hybrid {} path {} pixels {} coarse {} reference {} resolution {} \
+             accuracy {} traced {} broken {} slowest {seconds:.1} of {index}",
             self.drawn,
             self.hybrid,
             self.drawn - self.hybrid,
             self.compared,
             self.coarse,
-            self.failed,
+            count(Kind::Reference),
+            count(Kind::Resolution),
+            count(Kind::Accuracy),
+            count(Kind::Path),
+            count(Kind::Broken),
         );
     }
 }
 
-/// What each thread is at, since when.
-type Underway = Mutex<BTreeMap<u64, Instant>>;
+/// What each thread is at, since which processor time of the process.
+type Underway = Mutex<BTreeMap<u64, f64>>;
+
+fn process_seconds() -> f64 {
+    seconds(ClockId::ProcessCPUTime)
+}
 
 /// Examines draws `first` to `first + count - 1`, and prints what failed.
 pub fn search(seed: u64, first: u64, count: u64, effort: Effort) -> Summary {
@@ -93,7 +104,7 @@ pub fn search(seed: u64, first: u64, count: u64, effort: Effort) -> Summary {
                             break;
                         }
                         let case = draw(seed, index);
-                        lock(&underway).insert(index, Instant::now());
+                        lock(&underway).insert(index, process_seconds());
                         let outcome = pool.install(|| guarded(&case, effort));
                         lock(&underway).remove(&index);
                         report(index, &case, &outcome);
@@ -145,21 +156,27 @@ fn report(index: u64, case: &Case, outcome: &Outcome) {
 
 /// Ends the process when a case takes too long: no thread can be stopped.
 fn watch(seed: u64, underway: &Underway, done: &AtomicBool, summary: &Mutex<Summary>) {
+    // The other threads' draws take processor time, too.
+    let patience = PATIENCE_SECONDS * rayon::current_num_threads() as f64;
     while !done.load(Ordering::Relaxed) {
         thread::sleep(Duration::from_millis(100));
         let late: Vec<u64> = lock(underway)
             .iter()
-            .filter(|(_, start)| start.elapsed() > PATIENCE)
+            .filter(|(_, start)| process_seconds() - **start > patience)
             .map(|(index, _)| *index)
             .collect();
         for index in &late {
-            println!("--- draw {index}\nUnbounded: not done after {PATIENCE:?}");
+            println!(
+                "--- draw {index}\nUnbounded: not done after {PATIENCE_SECONDS} processor seconds"
+            );
             println!("{}", draw(seed, *index).reproduction());
         }
         if !late.is_empty() {
             lock(summary).print();
             let underway: Vec<u64> = lock(underway).keys().copied().collect();
             println!("not done: {underway:?}");
+            let last = underway.last().copied().unwrap_or_default();
+            println!("go on with draw {}", last + 1);
             std::process::exit(UNBOUNDED);
         }
     }
