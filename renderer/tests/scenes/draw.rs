@@ -238,7 +238,7 @@ fn draw_patches(specification: &mut Specification, random: &mut Random) {
             match kind {
                 0 => [(); 3].map(|()| random.below(256) as u8),
                 1 => grey(random.chance(0.5)),
-                2 => grey((row + column) % 2 == 0),
+                2 => grey((row + column).is_multiple_of(2)),
                 _ => grey(true),
             }
         })

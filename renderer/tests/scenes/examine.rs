@@ -88,8 +88,8 @@ pub struct Effort {
     pub pixels_max: usize,
     /// The most samples in a replicate of the reference.
     pub samples_max: u32,
-    /// Whether finer renderings are made.
-    pub finer: bool,
+    /// The finer renderings that are made: [`Kind::Resolution`], [`Kind::Accuracy`].
+    pub finer: &'static [Kind],
 }
 
 /// Samples in a replicate to begin with, and by how many times they grow.
@@ -152,8 +152,8 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         target(&specification.accuracy, pixel.value).max(stated)
     };
     let film = &rendering.film;
-    if outcome.hybrid && effort.finer && seconds < SECONDS_FOR_FINER {
-        for kind in [Kind::Resolution, Kind::Accuracy] {
+    if outcome.hybrid && seconds < SECONDS_FOR_FINER {
+        for &kind in effort.finer {
             match finer(case, film, kind, &wide_limit) {
                 Ok(Some(finding)) => outcome.findings.push(finding),
                 Ok(None) => {}
@@ -173,15 +173,25 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         .map(|&place| {
             let pixel = at(film, place);
             let limit = limit(&case.specification, &pixel);
-            compare(&reference, place, &pixel, limit, effort.samples_max)
+            let suspect = outcome.findings.iter().any(|one| one.pixel == place);
+            compare(
+                &reference,
+                place,
+                &pixel,
+                limit,
+                effort.samples_max,
+                suspect,
+            )
         })
         .collect();
     outcome.compared = pixels.len();
     for finding in &mut outcome.findings {
         let place = pixels.iter().position(|place| *place == finding.pixel);
-        if place.is_some_and(|place| compared[place].0.is_none()) {
-            finding.note += "; the reference agrees with this rendering, so the finer one is off";
-        }
+        finding.note += match place.map(|place| &compared[place]) {
+            Some((None, false)) => "; the reference agrees with this rendering, not the finer one",
+            Some((None, true)) => "; the reference is too coarse to tell which is off",
+            _ => "",
+        };
     }
     for (finding, coarse) in compared {
         outcome.coarse += usize::from(coarse);
@@ -379,13 +389,14 @@ fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]>
 
 /// Compares a pixel with the reference, whose samples grow while it is undecided. A difference
 /// counts when other scrambles of more samples confirm it. Also whether the reference stayed
-/// coarser than the limit.
+/// coarser than the limit, which is put up with unless the pixel is `suspect`.
 fn compare(
     reference: &Reference,
     place: [u32; 2],
     pixel: &FilmPixel,
     limit: f64,
     samples_max: u32,
+    suspect: bool,
 ) -> (Option<Finding>, bool) {
     let mut samples = SAMPLES_MIN;
     let mut seen_before = false;
@@ -409,7 +420,8 @@ fn compare(
         }
         let undecided = beyond || off > limit + UNSURE * spread;
         let blunt = SURE * spread > limit;
-        if samples >= samples_max || !(undecided || blunt && samples < 4 * SAMPLES_MIN) {
+        let sharper = blunt && (suspect || samples < SAMPLES_GROW * SAMPLES_MIN);
+        if samples >= samples_max || !(undecided || sharper) {
             return (None, blunt);
         }
         seen_before = beyond;

@@ -21,7 +21,7 @@ mod search;
 
 use case::Case;
 use dataset::{Material, Specification, specification::View};
-use examine::{Effort, examine};
+use examine::{Effort, Kind, examine};
 use reference::Reference;
 use renderer::reflectance::Reflectance;
 use search::search;
@@ -79,7 +79,7 @@ fn a_short_search_finds_nothing() {
     let effort = Effort {
         pixels_max: 8,
         samples_max: 1024,
-        finer: true,
+        finer: &[Kind::Resolution, Kind::Accuracy],
     };
     let summary = search(seed, 0, DRAWS, effort);
     summary.print();
@@ -99,7 +99,7 @@ fn a_long_search_finds_nothing() {
     let effort = Effort {
         pixels_max: 12,
         samples_max: 4096,
-        finer: true,
+        finer: &[Kind::Resolution, Kind::Accuracy],
     };
     let summary = search(seed, first, count, effort);
     summary.print();
@@ -117,7 +117,7 @@ fn a_case_of_files_holds() {
     let effort = Effort {
         pixels_max: 256,
         samples_max: 16384,
-        finer: true,
+        finer: &[Kind::Resolution, Kind::Accuracy],
     };
     let outcome = examine(&case, effort);
     for finding in &outcome.findings {
