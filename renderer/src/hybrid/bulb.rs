@@ -208,8 +208,7 @@ pub fn specular(
     let log = cubature.log;
     let exponents = [lobe.n_u, lobe.n_v];
     let (ior, knee) = (reflectance.ior, response.knee);
-    let [untinted, fresnel, excess] =
-        integrals(instructions, batch, view.wo, exponents, ior, knee);
+    let [untinted, fresnel, excess] = integrals(instructions, batch, view.wo, exponents, ior, knee);
     let scale = lobe.normalization / (2.0 * PI);
     let radiance = response.at_moments(fresnel, excess);
     let scaled = ScaledRadiance {

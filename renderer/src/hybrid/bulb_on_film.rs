@@ -17,6 +17,9 @@ const CURVATURE: f64 = 2.0;
 /// lies between them.
 const CURVATURE_MAX: f64 = 0.25;
 
+/// The bulb's half extent in slopes is taken this much larger than at corners and middle.
+const BULB_MARGIN: f64 = 1.1;
+
 /// The bulb's light off the sample.
 pub struct BulbOffSample<'a> {
     pub stage: &'a Stage,
@@ -47,8 +50,7 @@ impl LogShade for BulbOffSample<'_> {
             .bulb_off_sample_log(position, wo, self.reflectance, fineness, scratch)
     }
 
-    /// Every term of the integral over the bulb is at most that of the bulb's half vector closest
-    /// to the lobe's centre.
+    /// The lobe's integral over the bulb by the least exponent on it, for the whole rectangle.
     fn most(&self, rectangle: &Rectangle) -> f64 {
         let radiance = self.stage.bulb_radiance;
         if self.reflectance.specular_share < 1.0 {
@@ -74,7 +76,7 @@ impl LogShade for BulbOffSample<'_> {
             if bent > CURVATURE_MAX * (high - low) || half[axis].is_nan() {
                 return radiance;
             }
-            let margin = CURVATURE * bent + 2.0 * half[axis];
+            let margin = CURVATURE * bent + BULB_MARGIN * half[axis];
             let (low, high) = (low - margin, high + margin);
             near[axis] = 0f64.clamp(low, high);
             far[axis] = low.abs().max(high.abs());
@@ -84,8 +86,9 @@ impl LogShade for BulbOffSample<'_> {
         let flat = if t > 0.0 { libm::log1p(t) / t } else { 1.0 };
         let form = lobe.n_u * near[0] * near[0] + lobe.n_v * near[1] * near[1];
         let area = 4.0 * half[0] * half[1];
-        let height = lobe.normalization / (2.0 * PI) * area * libm::exp(-0.5 * form * flat);
-        radiance * height.min(1.0)
+        // The lobe's integral is 1, and its part beyond an exponent x is at most exp(-x).
+        let share = (lobe.normalization / (2.0 * PI) * area).min(1.0);
+        radiance * share * libm::exp(-0.5 * form * flat)
     }
 }
 

@@ -2,9 +2,9 @@
 
 use super::Stage;
 use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
-use super::log_tiling::TintedLog;
 use super::chart::{LightBatch, LitChart};
 use super::exchange::Exchange;
+use super::log_tiling::TintedLog;
 use super::panel::PanelOnFilm;
 use super::slopes::Fineness;
 use super::small_bulb::SmallBulb;
@@ -100,8 +100,13 @@ impl Stage {
         } else {
             (ScaledRadiance::NONE, 0)
         };
-        // Where there is diffuse light the lobe is wide, and its logarithm small.
-        let diffuse = diffuse * libm::exp(-specular.log);
+        // Where there is diffuse light the lobe is wide, and its logarithm small. Elsewhere the
+        // factor may overflow.
+        let diffuse = if share < 1.0 {
+            diffuse * libm::exp(-specular.log)
+        } else {
+            0.0
+        };
         let untinted = share * specular.untinted + diffuse;
         let tint = std::array::from_fn(|channel| {
             let part = share * specular.radiance[channel] + diffuse * reflectance.rgb0[channel];
@@ -112,7 +117,12 @@ impl Stage {
     }
 
     /// The bulb and the viewer from a point of the sample.
-    pub(super) fn bulb_view(&self, position: Vec3, wo: Vec3, reflectance: &Reflectance) -> BulbView {
+    pub(super) fn bulb_view(
+        &self,
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+    ) -> BulbView {
         let offset = self.bulb_centre - position;
         let distance = offset.length();
         let sine = self.bulb_radius / distance;

@@ -38,6 +38,17 @@ const RELATIVE_MAX: f64 = 0.1;
 /// Tiles are not halved below this many pixels: there the nodes' coordinates round.
 const SIDE_MIN: f64 = 1e-10;
 
+/// On a tile of at most this many pixels over which the logarithm changes by at most `FLAT`, what
+/// the series leave out is no lobe but the rule's last digits, or a bend where cos_i = cos_o:
+/// halving would gain little, and the error is stated as it is.
+const FLAT_SIDE: f64 = 1.0 / 16.0;
+const FLAT: f64 = 0.5;
+
+/// So many tiles, side by side, make up an edge across: small tiles lie along edges, so that in a
+/// pixel there are about as many of them as its side holds, times this. Each may miss its share of
+/// what is allowed to the pixel.
+const EDGE_TILES: f64 = 8.0;
+
 /// Tiles between two looks at how much has been spent.
 const TILES_A_ROUND: usize = 1024;
 
@@ -194,12 +205,13 @@ impl<S: LogShade> Tiling<'_, S> {
         let relative = self.relative(allowed, fit.most);
         let sides = rectangle.sides();
         let points = self.points(&fit, sides, relative);
-        let is_least = sides[0].max(sides[1]) < SIDE_MIN;
-        let (Some(points), true) = (points, fit.error <= relative) else {
-            if is_least {
+        let meets = fit.error <= relative || (fit.error <= RELATIVE_MAX && is_flat(&fit, sides));
+        let (Some(points), true) = (points, meets) else {
+            if sides[0].max(sides[1]) < SIDE_MIN {
                 return (Growth::Pixels(self.dark(rectangle, most)), spent);
             }
-            return (Growth::Halves(rectangle.halves(axis_to_halve(&fit, sides, relative))), spent);
+            let axis = axis_to_halve(&fit, sides, relative);
+            return (Growth::Halves(rectangle.halves(axis)), spent);
         };
         let error = fit.error + missed + QUADRATURE_SHARE * relative;
         let mut pixels = Vec::new();
@@ -250,7 +262,9 @@ impl<S: LogShade> Tiling<'_, S> {
                 r.max(g).max(b)
             })
             .fold(f64::INFINITY, f64::min);
-        accuracy.absolute.max(accuracy.relative * least)
+        let longest = sides[0].max(sides[1]);
+        let spread = (1.0 / (EDGE_TILES * longest)).max(1.0);
+        (accuracy.absolute.max(accuracy.relative * least)) * spread
     }
 
     /// The relative error allowed where the function is at most `most`.
@@ -260,6 +274,11 @@ impl<S: LogShade> Tiling<'_, S> {
             .max(allowed / most.max(f64::MIN_POSITIVE))
             .clamp(RELATIVE_MIN, RELATIVE_MAX)
     }
+}
+
+/// Whether a tile is so small and the function on it so even that no lobe can hide: see [`FLAT`].
+fn is_flat(fit: &LogFit, sides: [f64; 2]) -> bool {
+    (0..2).all(|axis| sides[axis] <= FLAT_SIDE && fit.slopes[axis] * sides[axis] <= FLAT)
 }
 
 /// The axis along which a tile is less smooth, against what is allowed.
