@@ -1,32 +1,17 @@
 //! The light toward the camera from a point of the film, by how it came.
 
 use super::Stage;
-use super::bulb::{self, BulbView, SlopeBatch};
+use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
 use super::chart::{LightBatch, LitChart};
 use super::glossy::{self, GlossyChart};
 use super::interreflection::Interreflection;
+use super::log_tiling::TintedLog;
 use super::panel::PanelOnFilm;
 use super::pixel::largest_difference;
 use super::slopes::Fineness;
 use super::tiling::Shade;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
-
-/// The bulb's light off the sample.
-pub struct BulbOffSample<'a> {
-    pub stage: &'a Stage,
-    pub reflectance: &'a Reflectance,
-}
-
-impl Shade for BulbOffSample<'_> {
-    type Scratch = SlopeBatch;
-
-    fn at(&self, scratch: &mut SlopeBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
-        let (position, wo) = self.stage.sample_point(place);
-        self.stage
-            .bulb_off_sample(position, wo, self.reflectance, fineness, scratch)
-    }
-}
 
 /// The chart itself, but for the reflectance of its patches.
 pub struct ChartItself<'a> {
@@ -150,28 +135,62 @@ impl Stage {
         fineness: Fineness,
         batch: &mut SlopeBatch,
     ) -> ([f64; 3], u32) {
-        let offset = self.bulb_centre - position;
-        let distance = offset.length();
-        let sine = self.bulb_radius / distance;
-        let view = BulbView {
-            wo: reflectance.lobe.to_lobe(wo),
-            centre: reflectance.lobe.to_lobe(offset * (1.0 / distance)),
-            sin2: sine * sine,
-        };
+        let (light, spent) = self.bulb_off_sample_log(position, wo, reflectance, fineness, batch);
+        let scale = libm::exp(light.log);
+        (light.tint.map(|channel| scale * channel), spent)
+    }
+
+    /// The same by its logarithm.
+    pub(super) fn bulb_off_sample_log(
+        &self,
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+        fineness: Fineness,
+        batch: &mut SlopeBatch,
+    ) -> (TintedLog, u32) {
+        let view = self.bulb_view(position, wo, reflectance);
         let share = reflectance.specular_share;
+        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
+        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
         let (specular, spent) = if share > 0.0 {
             let response = reflectance.tint_response(wo.z);
             let instructions = self.instructions;
             bulb::specular(&view, reflectance, &response, fineness, instructions, batch)
         } else {
-            ([0.0; 3], 0)
+            (ScaledRadiance::NONE, 0)
         };
-        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
-        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
-        let radiance = std::array::from_fn(|channel| {
-            self.bulb_radiance * (share * specular[channel] + diffuse * reflectance.rgb0[channel])
+        // Where there is diffuse light the lobe is wide, and its logarithm small. Elsewhere the
+        // factor may overflow.
+        let diffuse = if share < 1.0 {
+            diffuse * libm::exp(-specular.log)
+        } else {
+            0.0
+        };
+        let untinted = share * specular.untinted + diffuse;
+        let tint = std::array::from_fn(|channel| {
+            let part = share * specular.radiance[channel] + diffuse * reflectance.rgb0[channel];
+            if untinted > 0.0 { part / untinted } else { 0.0 }
         });
-        (radiance, spent)
+        let log = libm::log(untinted.max(f64::MIN_POSITIVE) * self.bulb_radiance) + specular.log;
+        (TintedLog { log, tint }, spent)
+    }
+
+    /// The bulb and the viewer from a point of the sample.
+    pub(super) fn bulb_view(
+        &self,
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+    ) -> BulbView {
+        let offset = self.bulb_centre - position;
+        let distance = offset.length();
+        let sine = self.bulb_radius / distance;
+        BulbView {
+            wo: reflectance.lobe.to_lobe(wo),
+            centre: reflectance.lobe.to_lobe(offset * (1.0 / distance)),
+            sin2: sine * sine,
+        }
     }
 
     /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.

@@ -11,6 +11,7 @@
 
 mod batch;
 mod bulb;
+mod bulb_on_film;
 pub(crate) mod chart;
 mod chebyshev;
 mod elementary;
@@ -19,6 +20,8 @@ mod gauss;
 mod glossy;
 mod interreflection;
 mod light;
+mod log_tile;
+mod log_tiling;
 mod mirror;
 mod panel;
 mod pixel;
@@ -32,11 +35,12 @@ use crate::reflectance::Reflectance;
 use crate::scene::{Bulb, PinholeCamera, Scene};
 use crate::stage_time::{StageTime, timed};
 use crate::vector::Vec3;
+use bulb_on_film::BulbOffSample;
 use chart::{LitChart, Panel};
 use dataset::specification::{Accuracy, Specification};
 use glossy::GlossyChart;
 pub use interreflection::{Interreflection, Unresolved};
-use light::{BulbOffSample, ChartItself, ChartOffGlossySample, ChartOffSample};
+use light::{ChartItself, ChartOffGlossySample, ChartOffSample};
 use mirror::MirroredChart;
 use panel::{PanelOnFilm, project};
 use polygon::Polygon;
@@ -57,6 +61,14 @@ const VIEW_FACTOR_MAX: f64 = 0.5;
 /// Tiles are as long as this many features of the function on them.
 const FEATURES_PER_TILE: f64 = 3.0;
 
+/// Up to this exponent a lobe is so wide that the light itself is as smooth as its logarithm, and
+/// its integrals over pixels are closed forms.
+const ROUGH_EXPONENT: f64 = 400.0;
+
+/// But not where a tile of that light would be shorter than this many pixels: a coarse film's nodes
+/// could miss a feature that its logarithm cannot.
+const FEATURE_MIN: f64 = 12.0;
+
 /// The shares of the target that the bulb's light and the chart's may miss.
 ///
 /// The bulb's costs next to nothing, so that even pixels far below white are right to a fraction of
@@ -71,7 +83,7 @@ const FAINT_CHART: f64 = 0.1;
 const BULB_FAINT: f64 = 1e-4;
 
 /// The shares of the target that the rules at a point of the film may miss.
-const BULB_RULE_SHARE: f64 = 1e-3;
+const BULB_RULE_SHARE: f64 = 1e-2;
 const CHART_RULE_SHARE: f64 = 0.01;
 
 /// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
@@ -260,12 +272,26 @@ impl Stage {
 
     /// The bulb's light off the sample.
     fn add_bulb(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
+        let shade = BulbOffSample {
+            stage: self,
+            reflectance,
+        };
         let distance = self.bulb_centre.length();
         let half_angle = self.bulb_radius / distance;
+        let feature = self.feature_pixels(0.5 * half_angle, distance, reflectance);
+        if reflectance.lobe.n_u > ROUGH_EXPONENT || feature < FEATURE_MIN {
+            let demand = log_tiling::Demand {
+                accuracy: &self.bulb_accuracy,
+                evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
+                fineness: self.bulb_fineness,
+                instructions: self.instructions,
+            };
+            return log_tiling::integrate(canvas, &self.sample, &demand, &shade);
+        }
         let demand = Demand {
             accuracy: &self.bulb_accuracy,
             faint: self.chart_accuracy.absolute,
-            side_max: self.feature_pixels(0.5 * half_angle, distance, reflectance),
+            side_max: feature,
             evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.bulb_fineness,
             function_error: 0.0,
@@ -274,10 +300,6 @@ impl Stage {
             outline: self.sample,
             factor: [1.0; 3],
         }];
-        let shade = BulbOffSample {
-            stage: self,
-            reflectance,
-        };
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 

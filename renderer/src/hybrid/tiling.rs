@@ -168,7 +168,7 @@ pub fn integrate<S: Shade>(
 }
 
 /// A rectangle cut into parts whose sides are at most `side_max`.
-fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
+pub fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
     let (mut open, mut roots) = (vec![rectangle], Vec::new());
     while let Some(rectangle) = open.pop() {
         let sides = rectangle.sides();

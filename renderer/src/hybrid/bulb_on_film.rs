@@ -1,0 +1,109 @@
+//! The bulb's light off the sample, as a function of the film.
+
+use super::Stage;
+use super::bulb::SlopeBatch;
+use super::log_tiling::{LogShade, TintedLog};
+use super::polygon::Rectangle;
+use super::slopes::Fineness;
+use super::tiling::Shade;
+use crate::reflectance::Reflectance;
+use std::f64::consts::PI;
+
+/// Slopes over a rectangle lie in the box of those at its corners, widened by this many times what
+/// its middle is off the corners' mean. For a parabola it is 1.
+const CURVATURE: f64 = 2.0;
+
+/// What the middle may be off, as a share of the box: beyond it the corners say too little of what
+/// lies between them.
+const CURVATURE_MAX: f64 = 0.25;
+
+/// The bulb's half extent in slopes is taken this much larger than at corners and middle.
+const BULB_MARGIN: f64 = 1.1;
+
+/// The bulb's light off the sample.
+pub struct BulbOffSample<'a> {
+    pub stage: &'a Stage,
+    pub reflectance: &'a Reflectance,
+}
+
+impl Shade for BulbOffSample<'_> {
+    type Scratch = SlopeBatch;
+
+    fn at(&self, scratch: &mut SlopeBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        self.stage
+            .bulb_off_sample(position, wo, self.reflectance, fineness, scratch)
+    }
+}
+
+impl LogShade for BulbOffSample<'_> {
+    type Scratch = SlopeBatch;
+
+    fn at(
+        &self,
+        scratch: &mut SlopeBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> (TintedLog, u32) {
+        let (position, wo) = self.stage.sample_point(place);
+        self.stage
+            .bulb_off_sample_log(position, wo, self.reflectance, fineness, scratch)
+    }
+
+    /// The lobe's integral over the bulb by the least exponent on it, for the whole rectangle.
+    fn most(&self, rectangle: &Rectangle) -> f64 {
+        let radiance = self.stage.bulb_radiance;
+        if self.reflectance.specular_share < 1.0 {
+            return radiance;
+        }
+        let [low, high] = [rectangle.low, rectangle.high];
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let corners = corners.map(|corner| self.bulb_box(corner));
+        let middle = self.bulb_box([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])]);
+        let largest = |axis: usize| {
+            let half = corners.iter().map(|corner| corner.half[axis]);
+            half.fold(middle.half[axis], f64::max)
+        };
+        let half = [largest(0), largest(1)];
+        let mut near = [0.0; 2];
+        let mut far = [0.0; 2];
+        for axis in 0..2 {
+            let at = corners.map(|corner| corner.centre[axis]);
+            let low = at.into_iter().fold(middle.centre[axis], f64::min);
+            let high = at.into_iter().fold(middle.centre[axis], f64::max);
+            let mean = 0.25 * ((at[0] + at[1]) + (at[2] + at[3]));
+            let bent = (middle.centre[axis] - mean).abs();
+            if bent > CURVATURE_MAX * (high - low) || half[axis].is_nan() {
+                return radiance;
+            }
+            let margin = CURVATURE * bent + BULB_MARGIN * half[axis];
+            let (low, high) = (low - margin, high + margin);
+            near[axis] = 0f64.clamp(low, high);
+            far[axis] = low.abs().max(high.abs());
+        }
+        let lobe = &self.reflectance.lobe;
+        let t = far[0] * far[0] + far[1] * far[1];
+        let flat = if t > 0.0 { libm::log1p(t) / t } else { 1.0 };
+        let form = lobe.n_u * near[0] * near[0] + lobe.n_v * near[1] * near[1];
+        let area = 4.0 * half[0] * half[1];
+        // The lobe's integral is 1, and its part beyond an exponent x is at most exp(-x).
+        let share = (lobe.normalization / (2.0 * PI) * area).min(1.0);
+        radiance * share * libm::exp(-0.5 * form * flat)
+    }
+}
+
+/// A box in the slope plane around the half vectors that see the bulb.
+#[derive(Clone, Copy)]
+struct SlopeBox {
+    centre: [f64; 2],
+    half: [f64; 2],
+}
+
+impl BulbOffSample<'_> {
+    fn bulb_box(&self, place: [f64; 2]) -> SlopeBox {
+        let (position, wo) = self.stage.sample_point(place);
+        let view = self.stage.bulb_view(position, wo, self.reflectance);
+        let [centre, half] = view.slopes();
+        SlopeBox { centre, half }
+    }
+}
