@@ -109,7 +109,10 @@ fn specular_max(reflectance: &Reflectance, wi: [Interval; 3], wo: [Interval; 3])
     } else {
         lobe.n_v
     };
-    let power = libm::exp(-0.5 * exponent * libm::log1p(p2 + q2_low));
+    // The frame's axes may give the better bound of the squared slope, as x and y are known apart.
+    let straight = (square(x)[0] + square(y)[0]) / z2[1].max(TINY);
+    let slope2 = straight.max(p2 + q2_low);
+    let power = libm::exp(-0.5 * exponent * libm::log1p(slope2));
     let scale = reflectance.specular_share * 0.25 * FRAC_1_PI * lobe.normalization;
     scale * power / length2.max(TINY).sqrt()
 }
