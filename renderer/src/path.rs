@@ -5,12 +5,66 @@
 //! finding it are weighed by the balance heuristic (Veach and Guibas 1995).
 
 use crate::bsdf::Bsdf;
+use crate::film::{Film, FilmPixel};
 use crate::geometry::Ray;
 use crate::reflectance::Reflectance;
+use crate::replicates::{REPLICATES, estimate};
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::{Encounter, Scene, Surface};
 use crate::vector::Vec3;
 use crate::warp::Cone;
+use dataset::Specification;
+use rayon::prelude::*;
+
+/// Traces paths over the film; also returns how many. `key` names the image.
+pub fn render(
+    scene: &Scene,
+    reflectance: &Reflectance,
+    specification: &Specification,
+    key: u64,
+) -> (Film, u64) {
+    let (image, integrator) = (&specification.image, &specification.integrator);
+    let count = integrator.samples_per_pixel / REPLICATES;
+    let pixel = |column: u32, row: u32| {
+        let mut means = [[0.0; 3]; REPLICATES as usize];
+        for (replicate, mean) in (0..).zip(&mut means) {
+            let sampler = Sampler::new(key, row * image.width + column, replicate);
+            for index in 0..count {
+                let [x, y] = sampler.point(Dimension::Film, index);
+                let ray = scene.camera.ray(f64::from(column) + x, f64::from(row) + y);
+                let radiance = radiance(
+                    scene,
+                    reflectance,
+                    ray,
+                    &sampler,
+                    index,
+                    integrator.max_bounces,
+                );
+                for (mean, channel) in mean.iter_mut().zip(radiance) {
+                    *mean += channel / f64::from(count);
+                }
+            }
+        }
+        estimate(&means)
+    };
+    let mut pixels = vec![FilmPixel::default(); image.width as usize * image.height as usize];
+    pixels
+        .par_chunks_mut(image.width as usize)
+        .zip(0..image.height)
+        .for_each(|(line, row)| {
+            for (place, column) in line.iter_mut().zip(0..) {
+                *place = pixel(column, row);
+            }
+        });
+    let film = Film {
+        width: image.width,
+        height: image.height,
+        pixels,
+    };
+    let samples =
+        u64::from(image.width) * u64::from(image.height) * u64::from(integrator.samples_per_pixel);
+    (film, samples)
+}
 
 /// The radiance that one sampled path carries along `camera_ray`, in units of white. `index` is
 /// the path's number in its replicate, `bounces_max` the most surfaces it may touch.
