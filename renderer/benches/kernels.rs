@@ -9,7 +9,7 @@ use renderer::{
     Renderer, encode_exr,
     geometry::{BackendChoice, Isa, Ray},
     hybrid::Stage,
-    path,
+    path::Tracer,
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
     scene::Scene,
@@ -107,14 +107,17 @@ fn path_sample(criterion: &mut Criterion) {
     group.throughput(Throughput::Elements(u64::from(BATCH)));
     for (name, view) in [("with chart", WITH_CHART), ("without chart", WITHOUT_CHART)] {
         let scene = scene(view, BackendChoice::Native).expect("native geometry");
+        let tracer = Tracer::new(&scene, &reflectance, 4);
+        let footprints: Vec<_> = (0..16 * 16)
+            .map(|pixel| tracer.footprint(4 + 8 * (pixel % 16), 4 + 8 * (pixel / 16)))
+            .collect();
         group.bench_function(BenchmarkId::new("sample", name), |bencher| {
             bencher.iter(|| {
-                let sampler = Sampler::new(black_box(1), 0, 0);
                 (0..BATCH)
-                    .map(|index| {
-                        let [x, y] = sampler.point(Dimension::Film, index);
-                        let ray = scene.camera.ray(128.0 * x, 128.0 * y);
-                        path::radiance(&scene, &reflectance, ray, &sampler, index, 4)[0]
+                    .zip(footprints.iter().cycle())
+                    .map(|(index, footprint)| {
+                        let sampler = Sampler::new(black_box(1), index, 0);
+                        tracer.replicate(footprint, &sampler, 1)[0]
                     })
                     .sum::<f64>()
             });

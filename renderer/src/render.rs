@@ -1,22 +1,19 @@
-//! One view of a material: paths over the film, their error, and the file.
+//! One view of a material: the film with its error, and the file.
 
 use crate::exr_file::{self, ExrError};
-use crate::film::{Film, FilmPixel};
+use crate::film::Film;
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
 use crate::hybrid::{Stage, Unresolved};
 use crate::instructions::Instructions;
 use crate::interreflection_cache::InterreflectionCache;
 use crate::path;
 use crate::reflectance::Reflectance;
-use crate::replicates::{REPLICATES, estimate};
-use crate::sampler::{Dimension, Sampler};
 use crate::scene::Scene;
 use crate::stage_time::{StageTime, timed};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
     specification::IntegratorKind,
 };
-use rayon::prelude::*;
 
 /// Renders views of materials under one specification. The scenes of all views are built once.
 #[derive(Debug)]
@@ -167,7 +164,7 @@ impl Renderer {
         let (film, samples, evaluations, mut stages) = worked_out.unwrap_or_else(|| {
             let mut stages = Vec::new();
             let (film, samples) = timed(&mut stages, "trace", || {
-                self.trace(&prepared.scene, &reflectance, key)
+                path::render(&prepared.scene, &reflectance, &self.specification, key)
             });
             (film, samples, 0, stages)
         });
@@ -212,53 +209,6 @@ impl Renderer {
         let flux_lm = light.power_w * light.efficacy_lm_per_w;
         let sphere_m2 = 4.0 * std::f64::consts::PI * light.distance_m * light.distance_m;
         flux_lm / sphere_m2 / std::f64::consts::PI
-    }
-
-    /// Traces paths over the film; also how many.
-    fn trace(&self, scene: &Scene, reflectance: &Reflectance, key: u64) -> (Film, u64) {
-        let image = &self.specification.image;
-        let integrator = &self.specification.integrator;
-        let count = integrator.samples_per_pixel / REPLICATES;
-        let pixel = |column: u32, row: u32| {
-            let mut means = [[0.0; 3]; REPLICATES as usize];
-            for (replicate, mean) in (0..).zip(&mut means) {
-                let sampler = Sampler::new(key, row * image.width + column, replicate);
-                for index in 0..count {
-                    let [x, y] = sampler.point(Dimension::Film, index);
-                    let ray = scene.camera.ray(f64::from(column) + x, f64::from(row) + y);
-                    let radiance = path::radiance(
-                        scene,
-                        reflectance,
-                        ray,
-                        &sampler,
-                        index,
-                        integrator.max_bounces,
-                    );
-                    for (mean, channel) in mean.iter_mut().zip(radiance) {
-                        *mean += channel / f64::from(count);
-                    }
-                }
-            }
-            estimate(&means)
-        };
-        let mut pixels = vec![FilmPixel::default(); image.width as usize * image.height as usize];
-        pixels
-            .par_chunks_mut(image.width as usize)
-            .zip(0..image.height)
-            .for_each(|(line, row)| {
-                for (place, column) in line.iter_mut().zip(0..) {
-                    *place = pixel(column, row);
-                }
-            });
-        let film = Film {
-            width: image.width,
-            height: image.height,
-            pixels,
-        };
-        let samples = u64::from(image.width)
-            * u64::from(image.height)
-            * u64::from(integrator.samples_per_pixel);
-        (film, samples)
     }
 }
 

@@ -40,6 +40,13 @@ impl Sampler {
         }
     }
 
+    /// The sampler of a part of the pixel, counted from 0, independent of the others'.
+    pub fn part(&self, part: u32) -> Self {
+        Self {
+            scramble: mix(self.scramble ^ mix(u64::from(part))),
+        }
+    }
+
     /// Point `index` of the pair `dimension`, inside the open unit square.
     pub fn point(&self, dimension: Dimension, index: u32) -> [f64; 2] {
         let seed = mix(self.scramble.wrapping_add(

@@ -7,7 +7,8 @@ use crate::hybrid::chart::Panel;
 use crate::vector::Vec3;
 use dataset::specification::{Checker, Specification};
 
-// The sample is primitive 0.
+/// The sample.
+pub const SAMPLE: PrimitiveId = PrimitiveId(0);
 const BULB: PrimitiveId = PrimitiveId(1);
 const CHART: PrimitiveId = PrimitiveId(2);
 
@@ -26,6 +27,8 @@ pub struct Scene {
     pub camera: PinholeCamera,
     /// The colour chart, if it is there.
     pub chart: Option<Chart>,
+    /// Whether the sample or the chart may stand between the other and the bulb.
+    may_shade: bool,
 }
 
 /// The spherical emitter.
@@ -84,6 +87,19 @@ impl PinholeCamera {
             0.5 * width + offset.dot(self.column_step) * scale,
             0.5 * height + offset.dot(self.row_step) * scale,
         ])
+    }
+
+    /// The film point (column, row) that an offset from the camera points to, times its depth, and
+    /// its depth: linear in the offset, and negative behind the camera.
+    pub fn homogeneous(&self, offset: Vec3) -> [f64; 3] {
+        let depth = offset.dot(self.forward);
+        let scale = 1.0 / (self.pixel_size() * self.pixel_size());
+        let [width, height] = self.size.map(f64::from);
+        [
+            0.5 * width * depth + offset.dot(self.column_step) * scale,
+            0.5 * height * depth + offset.dot(self.row_step) * scale,
+            depth,
+        ]
     }
 
     /// A pixel's side at unit distance.
@@ -236,11 +252,13 @@ impl Scene {
             row_step: -axis(1) * pixel,
             size: [specification.image.width, specification.image.height],
         };
+        let may_shade = may_shade(&primitives, &bulb);
         Some(Geometry::new(primitives, backend).map(|geometry| Self {
             bulb,
             geometry,
             camera,
             chart,
+            may_shade,
         }))
     }
 
@@ -263,14 +281,56 @@ impl Scene {
         }))
     }
 
-    /// Whether anything stands between a surface and the bulb, `distance` along `ray`. Alone, a
-    /// sample hides nothing from itself, and no ray is traced.
+    /// The sample and, where there is one, the chart: every surface that scatters.
+    pub fn rectangles(&self) -> impl Iterator<Item = (PrimitiveId, &Rectangle)> {
+        let primitives = self.geometry.primitives().iter();
+        (0..)
+            .map(PrimitiveId)
+            .zip(primitives)
+            .filter_map(|(id, primitive)| match primitive {
+                Primitive::Rectangle(rectangle) => Some((id, rectangle)),
+                Primitive::Sphere(_) => None,
+            })
+    }
+
+    /// The one surface that light scattered at `surface` can meet: the chart from the sample, the
+    /// sample from the chart.
+    pub fn facing(&self, surface: PrimitiveId) -> Option<&Rectangle> {
+        let other = if surface == SAMPLE { CHART } else { SAMPLE };
+        match self.geometry.primitives().get(other.0 as usize) {
+            Some(Primitive::Rectangle(rectangle)) => Some(rectangle),
+            _ => None,
+        }
+    }
+
+    /// Whether anything stands between a surface and the bulb, `distance` along `ray`. Where nothing
+    /// can, no ray is traced.
     pub fn shadowed(&self, ray: &Ray, from: PrimitiveId, distance: f64) -> bool {
-        self.chart.is_some()
+        self.may_shade
             && self
                 .geometry
                 .occluded(ray, Some(from), Some(BULB), distance)
     }
+}
+
+/// Whether a rectangle may stand between another and the bulb: unless all of both is on one side of
+/// its plane.
+fn may_shade(primitives: &[Primitive], bulb: &Bulb) -> bool {
+    let rectangles: Vec<&Rectangle> = primitives
+        .iter()
+        .filter_map(|primitive| match primitive {
+            Primitive::Rectangle(rectangle) => Some(rectangle),
+            Primitive::Sphere(_) => None,
+        })
+        .collect();
+    rectangles.iter().enumerate().any(|(index, plane)| {
+        let height = |point: Vec3| plane.normal.dot(point - plane.corner);
+        let others = rectangles.iter().enumerate();
+        let mut others = others.filter(|(other, _)| *other != index).peekable();
+        others.peek().is_some()
+            && (height(bulb.centre) <= bulb.radius
+                || others.any(|(_, other)| other.corners().into_iter().any(|at| height(at) < 0.0)))
+    })
 }
 
 /// The chart's panel and its colours.

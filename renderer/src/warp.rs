@@ -26,15 +26,6 @@ pub struct Cone {
     one_minus_cos_max: f64,
 }
 
-/// A direction within a [`Cone`].
-#[derive(Clone, Copy, Debug)]
-pub struct ConeSample {
-    /// The unit direction.
-    pub direction: Vec3,
-    /// From the cone's apex to the sphere along it.
-    pub distance: f64,
-}
-
 impl Cone {
     /// The cone from `apex` to the sphere about `centre`; `None` from inside the sphere.
     pub fn new(apex: Vec3, centre: Vec3, radius: f64) -> Option<Self> {
@@ -57,26 +48,38 @@ impl Cone {
         FRAC_1_PI / (2.0 * self.one_minus_cos_max)
     }
 
-    /// A direction of the cone, from a point of the open unit square.
-    pub fn sample(&self, point: [f64; 2]) -> ConeSample {
+    /// The unit vector to the sphere's centre.
+    pub fn axis(&self) -> Vec3 {
+        self.axis
+    }
+
+    /// One minus the cosine of the half angle.
+    pub fn one_minus_cos_max(&self) -> f64 {
+        self.one_minus_cos_max
+    }
+
+    /// A unit direction of the cone, from a point of the open unit square.
+    pub fn sample(&self, point: [f64; 2]) -> Vec3 {
         let one_minus_cos = self.one_minus_cos_max * point[1];
         let cos = 1.0 - one_minus_cos;
-        let sin2 = one_minus_cos * (2.0 - one_minus_cos);
+        let sin = (one_minus_cos * (2.0 - one_minus_cos)).sqrt();
         let (sin_turn, cos_turn) = libm::sincos(2.0 * PI * point[0]);
         let (x, y) = perpendiculars(self.axis);
-        let sin = sin2.sqrt();
-        let direction = x * (sin * cos_turn) + y * (sin * sin_turn) + self.axis * cos;
-        let half_chord2 = self.radius * self.radius - self.distance * self.distance * sin2;
-        ConeSample {
-            direction,
-            distance: self.distance * cos - half_chord2.max(0.0).sqrt(),
-        }
+        x * (sin * cos_turn) + y * (sin * sin_turn) + self.axis * cos
+    }
+
+    /// From the apex to the sphere along a unit direction of the cone.
+    pub fn distance(&self, direction: Vec3) -> f64 {
+        let along = self.axis.dot(direction);
+        let across = (direction - self.axis * along).length() * self.distance;
+        let half_chord2 = (self.radius - across) * (self.radius + across);
+        self.distance * along - half_chord2.max(0.0).sqrt()
     }
 }
 
 /// Two unit vectors that make a right-handed frame with the unit vector `z`. Crossing with the
 /// axis most nearly perpendicular to `z` keeps the quotient away from zero.
-fn perpendiculars(z: Vec3) -> (Vec3, Vec3) {
+pub fn perpendiculars(z: Vec3) -> (Vec3, Vec3) {
     let (ax, ay, az) = (z.x.abs(), z.y.abs(), z.z.abs());
     let axis = if ax <= ay && ax <= az {
         Vec3::new(1.0, 0.0, 0.0)
@@ -112,10 +115,10 @@ mod tests {
         let cone = Cone::new(apex, centre, 0.03).expect("outside");
         for i in 0..1000 {
             let u = (f64::from(i) + 0.5) / 1000.0;
-            let sample = cone.sample([(u * 37.0) % 1.0, u]);
-            let point = apex + sample.direction * sample.distance;
+            let direction = cone.sample([(u * 37.0) % 1.0, u]);
+            let point = apex + direction * cone.distance(direction);
             assert!(((point - centre).length() - 0.03).abs() < 1e-12);
-            assert!((sample.direction.length() - 1.0).abs() < 1e-14);
+            assert!((direction.length() - 1.0).abs() < 1e-14);
         }
     }
 }

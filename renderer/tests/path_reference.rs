@@ -6,11 +6,7 @@ use dataset::{Specification, specification::View};
 use rayon::prelude::*;
 use reference_pixels::reference_pixels;
 use renderer::{
-    geometry::BackendChoice,
-    path,
-    reflectance::Reflectance,
-    sampler::{Dimension, Sampler},
-    scene::Scene,
+    geometry::BackendChoice, path::Tracer, reflectance::Reflectance, sampler::Sampler, scene::Scene,
 };
 
 const REPLICATES: u32 = 64;
@@ -35,22 +31,13 @@ fn the_path_tracer_agrees_with_cubature_within_its_own_error() {
             .expect("view 0")
             .expect("native geometry");
         let reflectance = Reflectance::new(&case.material, case.rotation_deg, case.tint);
+        let tracer = Tracer::new(&scene, &reflectance, 4);
+        let footprint = tracer.footprint(case.column, case.row);
         let means: Vec<[f64; 3]> = (0..REPLICATES)
             .into_par_iter()
             .map(|replicate| {
                 let sampler = Sampler::new(number as u64, 0, replicate);
-                let mut mean = [0.0; 3];
-                for index in 0..SAMPLES {
-                    let [x, y] = sampler.point(Dimension::Film, index);
-                    let ray = scene
-                        .camera
-                        .ray(f64::from(case.column) + x, f64::from(case.row) + y);
-                    let radiance = path::radiance(&scene, &reflectance, ray, &sampler, index, 4);
-                    for (mean, channel) in mean.iter_mut().zip(radiance) {
-                        *mean += channel / f64::from(SAMPLES);
-                    }
-                }
-                mean
+                tracer.replicate(&footprint, &sampler, SAMPLES)
             })
             .collect();
         for channel in 0..3 {

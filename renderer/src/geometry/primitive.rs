@@ -76,6 +76,29 @@ impl Rectangle {
         }
     }
 
+    /// The point at (u, v), each in [0, 1].
+    pub fn point(&self, u: f64, v: f64) -> Vec3 {
+        self.corner + self.u_axis * (u * self.u_length) + self.v_axis * (v * self.v_length)
+    }
+
+    /// Its corners, in the order in which its outline visits them.
+    pub fn corners(&self) -> [Vec3; 4] {
+        [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[u, v]| self.point(u, v))
+    }
+
+    /// The density at `direction` (unit) of the directions from `origin` to points that are evenly
+    /// spread over the rectangle, a steradian. For a direction that misses it, the density about a
+    /// larger one.
+    pub fn density(&self, origin: Vec3, direction: Vec3) -> f64 {
+        let cosine = self.normal.dot(direction);
+        let height = self.normal.dot(origin - self.corner);
+        if cosine * height >= 0.0 {
+            return 0.0;
+        }
+        let distance = height / cosine;
+        distance * distance / (cosine.abs() * self.u_length * self.v_length)
+    }
+
     fn meet(&self, ray: &Ray, distance_max: f64) -> Option<Meeting> {
         let offset = ray.origin - self.corner;
         let cosine = self.normal.dot(ray.direction);

@@ -1,0 +1,249 @@
+//! What a pixel sees: the part of it that each surface may fill.
+//!
+//! A surface that fills a thousandth of a pixel is missed by most sets of samples, and one of them
+//! that hits it is far off. So every surface is sampled on a part of the pixel that just holds its
+//! projection. A sample that meets another surface there counts nothing; that surface has its own.
+
+use crate::scene::PinholeCamera;
+use crate::vector::Vec3;
+use crate::warp::perpendiculars;
+use std::f64::consts::PI;
+
+/// Sides of the polygons about a sphere's outline. Their areas differ by 1.5e-4 of either.
+const OUTLINE_SIDES: u32 = 256;
+
+/// The convex outline of a surface in homogeneous film coordinates: [`PinholeCamera::homogeneous`].
+#[derive(Clone, Debug)]
+pub struct Outline {
+    corners: Vec<[f64; 3]>,
+    /// The least and largest column and row, where all of it is in front of the camera.
+    bounds: Option<[[f64; 2]; 2]>,
+}
+
+impl Outline {
+    fn new(camera: &PinholeCamera, directions: impl Iterator<Item = Vec3>) -> Self {
+        let corners: Vec<[f64; 3]> = directions.map(|to| camera.homogeneous(to)).collect();
+        let in_front = corners.iter().all(|[_, _, depth]| *depth > 0.0);
+        let bounds = [0, 1].map(|axis| {
+            let places = corners.iter().map(|corner| corner[axis] / corner[2]);
+            places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
+                [low.min(place), high.max(place)]
+            })
+        });
+        Self {
+            corners,
+            bounds: in_front.then_some(bounds),
+        }
+    }
+
+    /// The outline of a convex polygon.
+    pub fn of_polygon(camera: &PinholeCamera, corners: &[Vec3]) -> Self {
+        Self::new(camera, corners.iter().map(|&at| at - camera.position))
+    }
+
+    /// Polygons around and inside the outline of a sphere that does not hold the camera.
+    pub fn of_sphere(camera: &PinholeCamera, centre: Vec3, radius: f64) -> [Self; 2] {
+        let offset = centre - camera.position;
+        let axis = offset.normalized();
+        let (x, y) = perpendiculars(axis);
+        // The tangent of the half angle: that of the circle on which the inner corners lie.
+        let inner = radius / (offset.length_squared() - radius * radius).sqrt();
+        let outer = inner / libm::cos(PI / f64::from(OUTLINE_SIDES));
+        [outer, inner].map(|tangent| {
+            let corners = (0..OUTLINE_SIDES).map(|side| {
+                let turn = 2.0 * PI * f64::from(side) / f64::from(OUTLINE_SIDES);
+                let (sin, cos) = libm::sincos(turn);
+                axis + x * (tangent * cos) + y * (tangent * sin)
+            });
+            Self::new(camera, corners)
+        })
+    }
+
+    /// The part of the pixel that lies inside.
+    pub fn within_pixel(&self, column: u32, row: u32) -> Option<Area> {
+        let (column, row) = (f64::from(column), f64::from(row));
+        if let Some([columns, rows]) = self.bounds {
+            let apart = |[low, high]: [f64; 2], place: f64| high <= place || low >= place + 1.0;
+            if apart(columns, column) || apart(rows, row) {
+                return None;
+            }
+        }
+        // Inside where the product is not negative. All four together leave what is in front of
+        // the camera.
+        let sides = [
+            [1.0, 0.0, -column],
+            [-1.0, 0.0, column + 1.0],
+            [0.0, 1.0, -row],
+            [0.0, -1.0, row + 1.0],
+        ];
+        let mut corners = self.corners.clone();
+        for side in sides {
+            corners = clip(&corners, side);
+            if corners.is_empty() {
+                return None;
+            }
+        }
+        let corners: Vec<[f64; 2]> = corners
+            .iter()
+            .map(|[x, y, depth]| {
+                [
+                    (x / depth).clamp(column, column + 1.0),
+                    (y / depth).clamp(row, row + 1.0),
+                ]
+            })
+            .collect();
+        Area::new(&corners)
+    }
+}
+
+/// The part of a convex polygon where `side` is not negative (Sutherland and Hodgman 1974).
+fn clip(corners: &[[f64; 3]], side: [f64; 3]) -> Vec<[f64; 3]> {
+    let height = |[x, y, depth]: [f64; 3]| side[0] * x + side[1] * y + side[2] * depth;
+    let mut kept = Vec::with_capacity(corners.len() + 1);
+    for (index, &to) in corners.iter().enumerate() {
+        let from = corners[(index + corners.len() - 1) % corners.len()];
+        let (before, after) = (height(from), height(to));
+        if (before < 0.0) != (after < 0.0) {
+            let share = before / (before - after);
+            kept.push(std::array::from_fn(|axis| {
+                from[axis] + (to[axis] - from[axis]) * share
+            }));
+        }
+        if after >= 0.0 {
+            kept.push(to);
+        }
+    }
+    kept
+}
+
+/// A convex part of a pixel, as columns between consecutive corners from left to right.
+#[derive(Clone, Debug)]
+pub struct Area {
+    slabs: Vec<Slab>,
+    size: f64,
+}
+
+/// A trapezium with two vertical sides.
+#[derive(Clone, Copy, Debug)]
+struct Slab {
+    left: f64,
+    width: f64,
+    /// Where the left and the right side begin and end.
+    sides: [[f64; 2]; 2],
+    /// The area up to its right side.
+    size_up_to: f64,
+}
+
+impl Area {
+    fn new(corners: &[[f64; 2]]) -> Option<Self> {
+        if corners.iter().flatten().any(|x| !x.is_finite()) {
+            return None;
+        }
+        let mut columns: Vec<f64> = corners.iter().map(|corner| corner[0]).collect();
+        columns.sort_unstable_by(f64::total_cmp);
+        columns.dedup();
+        let mut size = 0.0;
+        let mut slabs = Vec::with_capacity(columns.len());
+        for pair in columns.windows(2) {
+            let sides = [chord(corners, pair, pair[0]), chord(corners, pair, pair[1])];
+            let heights = sides.map(|[low, high]| high - low);
+            let width = pair[1] - pair[0];
+            let slab_size = 0.5 * (heights[0] + heights[1]) * width;
+            if slab_size > 0.0 {
+                size += slab_size;
+                slabs.push(Slab {
+                    left: pair[0],
+                    width,
+                    sides,
+                    size_up_to: size,
+                });
+            }
+        }
+        (size > 0.0).then_some(Self { slabs, size })
+    }
+
+    /// Its area, 1 for the whole pixel.
+    pub fn size(&self) -> f64 {
+        self.size
+    }
+
+    /// Whether it holds a point.
+    pub fn holds(&self, [x, y]: [f64; 2]) -> bool {
+        self.slabs.iter().any(|slab| {
+            let share = (x - slab.left) / slab.width;
+            let [low, high] = [0, 1]
+                .map(|end| slab.sides[0][end] + (slab.sides[1][end] - slab.sides[0][end]) * share);
+            (0.0..=1.0).contains(&share) && (low..=high).contains(&y)
+        })
+    }
+
+    /// A point of it from one of the open unit square. Equal areas stay equal.
+    pub fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let wanted = x * self.size;
+        let last = self.slabs.len() - 1;
+        let index = self
+            .slabs
+            .partition_point(|slab| slab.size_up_to <= wanted)
+            .min(last);
+        let slab = &self.slabs[index];
+        let before = if index == 0 {
+            0.0
+        } else {
+            self.slabs[index - 1].size_up_to
+        };
+        let [near, far] = slab.sides;
+        let (first, second) = (near[1] - near[0], far[1] - far[0]);
+        // The share of the slab's width, left of which it has this area.
+        let part = (wanted - before) / slab.width;
+        let root = (first * first + 2.0 * (second - first) * part)
+            .max(0.0)
+            .sqrt();
+        let share = (2.0 * part / (first + root).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let low = near[0] + (far[0] - near[0]) * share;
+        let high = near[1] + (far[1] - near[1]) * share;
+        [slab.left + slab.width * share, low + (high - low) * y]
+    }
+}
+
+/// Where the vertical line at `x` enters and leaves a convex polygon, by the edges that span
+/// `pair`: columns between which there is no corner.
+fn chord(corners: &[[f64; 2]], pair: &[f64], x: f64) -> [f64; 2] {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for (index, to) in corners.iter().enumerate() {
+        let from = corners[(index + corners.len() - 1) % corners.len()];
+        if from[0].min(to[0]) <= pair[0] && from[0].max(to[0]) >= pair[1] {
+            let y = from[1] + (to[1] - from[1]) * ((x - from[0]) / (to[0] - from[0]));
+            (low, high) = (low.min(y), high.max(y));
+        }
+    }
+    [low, high]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_pixel_keeps_its_points() {
+        let area = Area::new(&[[3.0, 5.0], [4.0, 5.0], [4.0, 6.0], [3.0, 6.0]]).expect("a square");
+        assert_eq!(area.size(), 1.0);
+        assert_eq!(area.point([0.25, 0.75]), [3.25, 5.75]);
+    }
+
+    #[test]
+    fn a_triangle_is_filled_evenly() {
+        let area = Area::new(&[[0.0, 0.0], [1.0, 0.0], [0.25, 1.0]]).expect("a triangle");
+        assert!((area.size() - 0.5).abs() < 1e-15);
+        let side = 200;
+        let mut mean = [0.0; 2];
+        for i in 0..side * side {
+            let at = [i % side, i / side].map(|k| (f64::from(k) + 0.5) / f64::from(side));
+            let point = area.point(at);
+            for (mean, x) in mean.iter_mut().zip(point) {
+                *mean += x / f64::from(side * side);
+            }
+        }
+        assert!((mean[0] - 1.25 / 3.0).abs() < 1e-4, "{mean:?}");
+        assert!((mean[1] - 1.0 / 3.0).abs() < 1e-4, "{mean:?}");
+    }
+}
