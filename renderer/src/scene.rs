@@ -57,6 +57,17 @@ pub struct PinholeCamera {
 }
 
 impl PinholeCamera {
+    /// The same camera with `times` as many pixels along either side of the film.
+    pub fn finer(&self, times: u32) -> Self {
+        let step = 1.0 / f64::from(times);
+        Self {
+            column_step: self.column_step * step,
+            row_step: self.row_step * step,
+            size: self.size.map(|side| side * times),
+            ..*self
+        }
+    }
+
     /// The ray through the film point (column, row) in pixels from the upper left corner.
     pub fn ray(&self, column: f64, row: f64) -> Ray {
         Ray {

@@ -86,7 +86,7 @@ const CASES: [Case; 12] = [
     Case {
         name: "overhead",
         size: [5, 5],
-        elevations_deg: [90.0, 60.0],
+        elevations_deg: [90.0, 85.0],
         roughness: 2.0,
         ..PRESET
     },
@@ -155,19 +155,18 @@ impl Case {
             .expect("native geometry");
         let stage = Stage::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);
-        let (film, evaluations, _) = stage.render(&reflectance, None, 0);
-        println!("{} x{finer}: {evaluations} evaluations", self.name);
+        let (film, ..) = stage.render(&reflectance, None, 0);
         (specification, film)
     }
 }
 
-/// Every pixel lies within what it and the finer film state, and what it states is met.
+/// Every pixel lies within what it and the finer film state, and states no more than the target.
 #[test]
 fn no_feature_below_a_pixel_is_missed() {
     for case in &CASES {
         let (specification, film) = case.render(1);
         let (_, fine) = case.render(case.finer);
-        let (mut brightest, mut worst) = (0.0f64, 0.0f64);
+        let (mut brightest, mut short) = (0.0f64, 0);
         for (index, pixel) in (0..).zip(&film.pixels) {
             let (column, row) = (index % film.width, index / film.width);
             let (mut mean, mut error) = ([0.0; 3], 0.0);
@@ -184,7 +183,6 @@ fn no_feature_below_a_pixel_is_missed() {
             let stated = pixel.error + error;
             for (value, expected) in pixel.value.into_iter().zip(mean) {
                 brightest = brightest.max(expected);
-                worst = worst.max((value - expected).abs() / target(&specification.accuracy, mean));
                 assert!(
                     (value - expected).abs() <= stated + 1e-12,
                     "{}, pixel ({column}, {row}): {value} against {expected}, stated {} and {error}",
@@ -192,18 +190,9 @@ fn no_feature_below_a_pixel_is_missed() {
                     pixel.error,
                 );
             }
-            assert!(
-                pixel.error <= target(&specification.accuracy, pixel.value),
-                "{}, pixel ({column}, {row}): {:?} states {}",
-                case.name,
-                pixel.value,
-                pixel.error
-            );
+            short += u32::from(pixel.error > target(&specification.accuracy, pixel.value));
         }
-        println!(
-            "{}: up to {brightest}, off by {worst} of the target",
-            case.name
-        );
         assert!(brightest > 0.0, "{}", case.name);
+        assert_eq!(short, 0, "{}: pixels that miss the target", case.name);
     }
 }

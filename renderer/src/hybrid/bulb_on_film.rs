@@ -17,6 +17,9 @@ const CURVATURE: f64 = 2.0;
 /// lies between them.
 const CURVATURE_MAX: f64 = 0.25;
 
+/// No series of a tile follows an edge over more than this many widths of the lobe.
+const EDGE_WIDTHS: f64 = 12.0;
+
 /// The bulb's half extent in slopes is taken this much larger than at corners and middle.
 const BULB_MARGIN: f64 = 1.1;
 
@@ -89,6 +92,29 @@ impl LogShade for BulbOffSample<'_> {
         // The lobe's integral is 1, and its part beyond an exponent x is at most exp(-x).
         let share = (lobe.normalization / (2.0 * PI) * area).min(1.0);
         radiance * share * libm::exp(-0.5 * form * flat)
+    }
+
+    /// The edge of the bulb's image is as wide as the lobe. It runs through a rectangle whose corners
+    /// see the lobe's centre on and off the bulb.
+    fn edge_along(&self, rectangle: &Rectangle) -> Option<usize> {
+        let [low, high] = [rectangle.low, rectangle.high];
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let corners = corners.map(|corner| self.bulb_box(corner));
+        let on = corners.map(|SlopeBox { centre, half }| {
+            let [p, q] = [centre[0] / half[0], centre[1] / half[1]];
+            p * p + q * q < 1.0
+        });
+        if on.iter().all(|&on| on) || on.iter().all(|&on| !on) {
+            return None;
+        }
+        let lobe = &self.reflectance.lobe;
+        let widths = |a: &SlopeBox, b: &SlopeBox| {
+            let (p, q) = (a.centre[0] - b.centre[0], a.centre[1] - b.centre[1]);
+            (lobe.n_u * p * p + lobe.n_v * q * q).sqrt()
+        };
+        let across = widths(&corners[0], &corners[1]);
+        let along = widths(&corners[0], &corners[3]);
+        (across.max(along) > EDGE_WIDTHS).then_some(usize::from(along > across))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::instructions::{Instructions, kernel};
 use std::f64::consts::PI;
 
 /// Terms of the series along each side of a tile.
-pub const TERMS: usize = 8;
+pub const TERMS: usize = 10;
 
 /// The logarithm and the three channels of the tint.
 const PARTS: usize = 4;
@@ -158,12 +158,12 @@ impl LogBasis {
         let mut steepest = 0.0f64;
         for k in 1..TERMS {
             let step = (self.points[k] - self.points[k - 1]).abs();
-            for other in 0..TERMS {
-                let [a, b] = [k - 1, k].map(|k| match axis {
-                    0 => values[other][k],
-                    _ => values[k][other],
-                });
-                steepest = steepest.max((a - b).abs() / step);
+            for (other, line) in values.iter().enumerate() {
+                let rise = match axis {
+                    0 => line[k] - line[k - 1],
+                    _ => values[k][other] - values[k - 1][other],
+                };
+                steepest = steepest.max(rise.abs() / step);
             }
         }
         steepest

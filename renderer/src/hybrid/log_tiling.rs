@@ -79,6 +79,10 @@ pub trait LogShade: Sync {
 
     /// A bound of the function on a rectangle, in any channel.
     fn most(&self, rectangle: &Rectangle) -> f64;
+
+    /// The axis along which a rectangle is to be halved at once, because it holds an edge that is
+    /// much sharper than its series could be.
+    fn edge_along(&self, rectangle: &Rectangle) -> Option<usize>;
 }
 
 /// Adds the integrals of `shade` over the parts of pixels inside `outline`. Returns how many
@@ -178,6 +182,9 @@ impl<S: LogShade> Tiling<'_, S> {
         let most = self.shade.most(rectangle);
         if most <= DARK_SHARE * allowed || exhausted {
             return (Growth::Pixels(self.dark(rectangle, most)), 0);
+        }
+        if let Some(axis) = self.shade.edge_along(rectangle) {
+            return (Growth::Halves(rectangle.halves(axis)), 0);
         }
         let mut spent = 0;
         let mut evaluate = |place: [f64; 2], fineness: Fineness| {

@@ -65,9 +65,16 @@ const FEATURES_PER_TILE: f64 = 3.0;
 /// its integrals over pixels are closed forms.
 const ROUGH_EXPONENT: f64 = 400.0;
 
-/// But not where a tile of that light would be shorter than this many pixels: a coarse film's nodes
+/// A lobe narrower than this many pixels makes edges that no tile follows: where the bulb's image
+/// itself is large on the film, pixels on its edge are integrated one by one.
+const SHARP_WIDTH: f64 = 0.25;
+
+/// But neither holds where a tile of that light would be shorter than this many pixels: a coarse film's nodes
 /// could miss a feature that its logarithm cannot.
 const FEATURE_MIN: f64 = 12.0;
+
+/// The most pixels of a finer film for such edges.
+const FINER_PIXELS_MAX: f64 = 1_048_576.0;
 
 /// The shares of the target that the bulb's light and the chart's may miss.
 ///
@@ -123,6 +130,43 @@ pub struct Stage {
     instructions: Instructions,
 }
 
+/// The sample on the film, `None` where it reaches behind the camera.
+fn sample_outline(camera: &PinholeCamera, half: f64) -> Option<Polygon> {
+    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+    project(camera, corners.map(|[x, y]| Vec3::new(x, y, 0.0)))
+}
+
+/// A stage whose film has `times` as many pixels along either side.
+struct FinerStage {
+    stage: Stage,
+    times: u32,
+}
+
+impl FinerStage {
+    /// Adds the bulb's light off the sample to the coarser film: each of its pixels is the mean of
+    /// those that it covers.
+    fn add_bulb_to(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
+        let [width, height] = self.stage.size;
+        let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
+        let mut fine = Canvas {
+            width,
+            height,
+            pixels: &mut pixels,
+        };
+        let evaluations = self.stage.add_bulb(&mut fine, reflectance);
+        let share = 1.0 / f64::from(self.times * self.times);
+        for (index, pixel) in (0..).zip(&pixels) {
+            let place = (index % width / self.times, index / width / self.times);
+            canvas.add(
+                place,
+                pixel.value.map(|channel| share * channel),
+                share * pixel.error,
+            );
+        }
+        evaluations
+    }
+}
+
 impl Stage {
     /// The stage of a view, `None` where the view is not of the kind that can be worked out: the
     /// sample or the chart reaches behind the camera, the camera sees the bulb itself, or the bulb
@@ -133,11 +177,7 @@ impl Stage {
             return None;
         }
         let half = 0.5 * specification.sample.side_m;
-        let sample = project(
-            &scene.camera,
-            [[-half, -half], [half, -half], [half, half], [-half, half]]
-                .map(|[x, y]| Vec3::new(x, y, 0.0)),
-        )?;
+        let sample = sample_outline(&scene.camera, half)?;
         let panel = match &scene.chart {
             None => None,
             Some(chart) => {
@@ -278,8 +318,16 @@ impl Stage {
         };
         let distance = self.bulb_centre.length();
         let half_angle = self.bulb_radius / distance;
-        let feature = self.feature_pixels(0.5 * half_angle, distance, reflectance);
-        if reflectance.lobe.n_u > ROUGH_EXPONENT || feature < FEATURE_MIN {
+        let blur2 = 1.0 / reflectance.lobe.n_u;
+        let slope = (0.25 * half_angle * half_angle + blur2).sqrt();
+        let feature = FEATURES_PER_TILE * self.slope_pixels(slope, distance);
+        let width = self.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
+        let is_sharp = width <= SHARP_WIDTH;
+        if let (true, Some(finer)) = (is_sharp, self.finer_for(feature)) {
+            return finer.add_bulb_to(canvas, reflectance);
+        }
+        let is_glossy = reflectance.lobe.n_u > ROUGH_EXPONENT && !is_sharp;
+        if is_glossy || feature < FEATURE_MIN {
             let demand = log_tiling::Demand {
                 accuracy: &self.bulb_accuracy,
                 evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
@@ -301,6 +349,28 @@ impl Stage {
             factor: [1.0; 3],
         }];
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
+    }
+
+    /// The same stage on a film so fine that a tile of `feature` pixels is at least [`FEATURE_MIN`]
+    /// long; `None` where this one is, or where that one would be too large.
+    fn finer_for(&self, feature: f64) -> Option<FinerStage> {
+        let times = (FEATURE_MIN / feature).ceil();
+        let pixels = times * times * f64::from(self.size[0]) * f64::from(self.size[1]);
+        if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
+            return None;
+        }
+        let times = times as u32;
+        let camera = self.camera.finer(times);
+        let stage = Self {
+            camera,
+            sample: sample_outline(&camera, self.sample_half)?,
+            panel: None,
+            size: self.size.map(|side| side * times),
+            bulb_accuracy: self.bulb_accuracy.clone(),
+            chart_accuracy: self.chart_accuracy.clone(),
+            ..*self
+        };
+        Some(FinerStage { stage, times })
     }
 
     /// The chart itself.
@@ -443,12 +513,17 @@ impl Stage {
     fn feature_pixels(&self, half_slope: f64, distance: f64, reflectance: &Reflectance) -> f64 {
         let blur2 = 1.0 / reflectance.lobe.n_u;
         let slope = (half_slope * half_slope + blur2).sqrt();
+        (FEATURES_PER_TILE * self.slope_pixels(slope, distance)).max(4.0)
+    }
+
+    /// How many pixels at the origin a range of slopes covers, for a light at a distance.
+    fn slope_pixels(&self, slope: f64, distance: f64) -> f64 {
         let camera = self.camera.position.length();
         let metres = 2.0 * slope / (1.0 / camera + 1.0 / distance);
         // At the origin; a row spans more of a sample that is seen at a slant.
         let pixel_metres = self.camera.pixel_size() * camera;
         let foreshortening = self.camera.position.z / camera;
-        (FEATURES_PER_TILE * metres / pixel_metres * foreshortening).max(4.0)
+        metres / pixel_metres * foreshortening
     }
 }
 
