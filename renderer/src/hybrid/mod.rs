@@ -55,9 +55,6 @@ const EVALUATIONS_PER_PIXEL: u64 = 1_200;
 /// The same for the chart off a narrow lobe, where each takes three times as long.
 const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 200;
 
-/// The most of a sample's hemisphere that the chart fills, weighted by the cosine.
-const VIEW_FACTOR_MAX: f64 = 0.5;
-
 /// Tiles are as long as this many features of the function on them.
 const FEATURES_PER_TILE: f64 = 3.0;
 
@@ -442,7 +439,8 @@ impl Stage {
             side_max: self.chart_tile * feature,
             evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
             fineness: self.chart_fineness,
-            function_error: VIEW_FACTOR_MAX * interreflection.error(),
+            // A sample reflects at most all of the light that it receives.
+            function_error: interreflection.error(),
         };
         let regions = [Region {
             outline: self.sample,

@@ -89,7 +89,6 @@ fn square_film(specification: &mut Specification, side: u32) {
 
 /// The bulb's mirror image, smaller than half a pixel, falls between the nodes of a tile.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_a_the_bulbs_mirror_image_is_found() {
     const TEXT: &str = "
         [image]
@@ -113,7 +112,6 @@ fn class_a_the_bulbs_mirror_image_is_found() {
 
 /// An outline at most a pixel high or wide straddles a boundary between pixels.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_b_no_part_of_a_pixel_goes_to_its_neighbour() {
     const TEXT: &str = "
         [image]
@@ -137,7 +135,6 @@ fn class_b_no_part_of_a_pixel_goes_to_its_neighbour() {
 
 /// The light on a large patch, or near the bulb, is no parabola.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_c_the_light_on_a_patch_is_worked_out() {
     const TEXT: &str = "
         [image]
@@ -165,7 +162,6 @@ fn class_c_the_light_on_a_patch_is_worked_out() {
 
 /// The bulb stands between the chart and the sample.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_d_the_bulb_hides_the_chart() {
     const TEXT: &str = "
         [image]
@@ -176,11 +172,18 @@ fn class_d_the_bulb_hides_the_chart() {
         distance_m = 0.2
         radius_m = 0.05
     ";
-    let case = Case::of_toml(TEXT, 4, white(20.0, 0.0, 10.0));
+    let in_the_way = Case::of_toml(TEXT, 4, white(20.0, 0.0, 10.0));
+    assert!(
+        !in_the_way.is_worked_out(),
+        "such a view is the path tracer's"
+    );
+    let clear = TEXT.replace("0.05", "0.01");
+    let case = Case::of_toml(&clear, 4, white(20.0, 0.0, 10.0));
     hold(&case, REFERENCE_ONLY, |random, specification, material| {
         let light = &mut specification.light;
         light.distance_m = random.uniform(0.15, 0.25);
-        light.radius_m = light.distance_m * random.uniform(0.15, 0.35);
+        // Up to where the bulb reaches into the light between chart and sample, and beyond.
+        light.radius_m = light.distance_m * random.uniform(0.05, 0.35);
         specification.views[0].light_elevation_deg = random.uniform(35.0, 50.0);
         specification.views[0].camera_elevation_deg = random.uniform(8.0, 22.0);
         material.roughness = random.uniform(5.0, 40.0);
@@ -189,7 +192,6 @@ fn class_d_the_bulb_hides_the_chart() {
 
 /// Narrow lobes send light to the chart where it stands in their way, and so do many bounces.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_e_narrow_lobes_light_the_chart() {
     const TEXT: &str = "
         [image]
@@ -244,7 +246,6 @@ fn assert_bounded(cases: impl Iterator<Item = Case>) {
 
 /// A chart of many edges, seen in a glossy sample at a slant.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn class_unbounded_a_chart_of_many_edges_takes_bounded_work() {
     const SIDE: usize = 64;
     let mut specification = Specification::preset();
@@ -278,7 +279,6 @@ fn class_unbounded_a_chart_of_many_edges_takes_bounded_work() {
 
 /// Drawn cases on the preset's film and to its accuracy.
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn no_rendering_of_the_presets_size_takes_long() {
     const DRAWS: u64 = 12;
     let preset = Specification::preset();

@@ -72,7 +72,6 @@ fn a_draw_is_a_function_of_seed_and_index() {
 }
 
 #[test]
-#[ignore = "fails until the renderer is repaired"]
 fn a_short_search_finds_nothing() {
     let seed = variable("BRDFARM_SEED", SEED);
     println!("BRDFARM_SEED={seed}");

@@ -10,7 +10,7 @@ use super::sources::{ChartPoint, chart_points};
 use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
 use super::{
     EVALUATIONS_MAX, Frame, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
-    compared, fineness, largest,
+    compared, fineness, largest, unresolved_error,
 };
 use rayon::prelude::*;
 
@@ -94,12 +94,13 @@ impl Higher {
                 continue;
             }
             let unclear = solved.missed > (UNRESOLVED_SHARE * solved.largest).max(allowed);
+            let mut error = solved.fit_error + solved.missed;
             if !solved.resolved || unclear {
-                return Err(Unresolved);
+                error += unresolved_error(solved.largest, solved.missed)?;
             }
             return Ok(Self {
                 tiles: solved.tiles,
-                error: solved.fit_error + solved.missed,
+                error,
                 evaluations,
             });
         }

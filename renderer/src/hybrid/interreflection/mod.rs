@@ -62,6 +62,21 @@ const EVALUATIONS_MAX: u64 = 6_000_000;
 /// share of it.
 const UNRESOLVED_SHARE: f64 = 0.25;
 
+/// Light that no rule resolves, but that is below this much of white at every node that was tried, is
+/// stated as an error: the path tracer's own is as large.
+const UNRESOLVED_MAX: f64 = 2e-3;
+
+/// The error to state for such light, twice what it and its rules' differences come to.
+///
+/// # Errors
+/// When it is brighter: the path tracer renders such a view.
+fn unresolved_error(largest: f64, missed: f64) -> Result<f64, Unresolved> {
+    if largest + missed > UNRESOLVED_MAX {
+        return Err(Unresolved);
+    }
+    Ok(2.0 * (largest + missed))
+}
+
 /// Terms of the series for order 1, and for the higher orders.
 const ORDER_1_TERMS: usize = 8;
 const HIGHER_TERMS: usize = 8;

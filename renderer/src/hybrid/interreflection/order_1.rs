@@ -7,7 +7,7 @@ use super::sources::disc;
 use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
 use super::{
     EVALUATIONS_MAX, Frame, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
-    compared, fineness, largest,
+    compared, fineness, largest, unresolved_error,
 };
 use rayon::prelude::*;
 
@@ -124,7 +124,7 @@ fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1,
     }
     let allowed = share * frame.tolerance(&frame.bounds());
     if !resolved || missed > (UNRESOLVED_SHARE * order_1.largest).max(allowed) {
-        return Err(Unresolved);
+        order_1.error += unresolved_error(order_1.largest, missed)?;
     }
     order_1.error += rings_missed;
     Ok(order_1)
