@@ -155,7 +155,7 @@ impl Case {
             .expect("native geometry");
         let stage = Stage::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);
-        let (film, ..) = stage.render(&reflectance, None, 0);
+        let (film, ..) = stage.render(&reflectance, None, 0).expect("resolved");
         (specification, film)
     }
 }
