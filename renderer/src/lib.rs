@@ -5,7 +5,7 @@
 //! comes from + - * / and sqrt in 64 bits and from the transcendental functions of one library
 //! compiled in, and no sum depends on the schedule of threads.
 
-mod bsdf;
+pub mod bsdf;
 mod embree;
 mod exr_file;
 pub mod film;
@@ -22,7 +22,7 @@ pub mod sampler;
 pub mod scene;
 mod stage_time;
 pub mod vector;
-mod warp;
+pub mod warp;
 
 pub use exr_file::{ExrError, decode as decode_exr, encode as encode_exr};
 pub use instructions::Instructions;

@@ -1,5 +1,7 @@
 //! Interreflection against the path tracer, in scenes far from the preset's.
 
+mod plain_path;
+
 use dataset::{
     Material, Specification,
     specification::{Tint, View},
@@ -8,7 +10,6 @@ use rayon::prelude::*;
 use renderer::{
     geometry::{BackendChoice, Ray},
     hybrid::{Stage, Unresolved},
-    path,
     reflectance::Reflectance,
     sampler::Sampler,
     scene::Scene,
@@ -212,7 +213,8 @@ fn trace(
             let sampler = Sampler::new(2027, index, replicate);
             let mut mean = [0.0; 3];
             for sample in 0..SAMPLES {
-                let radiance = path::radiance(scene, reflectance, ray, &sampler, sample, bounces);
+                let radiance =
+                    plain_path::radiance(scene, reflectance, ray, &sampler, sample, bounces);
                 for (mean, channel) in mean.iter_mut().zip(radiance) {
                     *mean += channel / f64::from(SAMPLES);
                 }

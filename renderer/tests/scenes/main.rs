@@ -14,6 +14,8 @@ mod case;
 mod classes;
 mod draw;
 mod examine;
+#[path = "../plain_path/mod.rs"]
+mod plain_path;
 mod reference;
 #[path = "../reference_pixels/mod.rs"]
 mod reference_pixels;

@@ -11,10 +11,10 @@
 //! 3. a point of the bulb and a half vector of the lobe, then the film point that sees that bulb
 //!    point by that half vector, found by Newton's method. It finds the bulb's image however small.
 
+use crate::plain_path;
 use dataset::Specification;
 use renderer::{
     geometry::BackendChoice,
-    path,
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
     scene::{Encounter, PinholeCamera, Scene},
@@ -96,7 +96,7 @@ impl Reference {
             Some(Encounter::Surface(surface)) if surface.patch.is_none()
         );
         let trace = |bounces_max| {
-            path::radiance(
+            plain_path::radiance(
                 &self.scene,
                 &self.reflectance,
                 ray,
