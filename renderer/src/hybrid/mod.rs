@@ -67,6 +67,13 @@ const SHARP_WIDTH: f64 = 0.25;
 /// could miss a feature that its logarithm cannot.
 const FEATURE_MIN: f64 = 12.0;
 
+/// Nor for such edges where a tile would be shorter than this: there the film is rendered finer. The
+/// bulb's image is then four pixels across, and nodes lie less than 1.2 pixels apart.
+const SHARP_FEATURE_MIN: f64 = 6.0;
+
+/// Where pixels are closed forms the rule at a point is the largest error: it is made so much less.
+const LINEAR_RULE_SHARE: f64 = 0.1;
+
 /// The most pixels of a finer film for such edges.
 const FINER_PIXELS_MAX: f64 = 1_048_576.0;
 
@@ -289,11 +296,17 @@ impl Stage {
         let feature = FEATURES_PER_TILE * self.slope_pixels(slope, distance);
         let width = self.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
         let is_sharp = width <= SHARP_WIDTH;
-        if let (true, Some(finer)) = (is_sharp, self.finer_for(feature)) {
+        let is_small = feature
+            < if is_sharp {
+                SHARP_FEATURE_MIN
+            } else {
+                FEATURE_MIN
+            };
+        if let (true, true, Some(finer)) = (is_sharp, is_small, self.finer_for(feature)) {
             return finer.add_bulb_to(canvas, reflectance);
         }
         let is_glossy = reflectance.lobe.n_u > ROUGH_EXPONENT && !is_sharp;
-        if is_glossy || feature < FEATURE_MIN {
+        if is_glossy || is_small {
             let demand = log_tiling::Demand {
                 accuracy: &self.bulb_accuracy,
                 evaluations_max: EVALUATIONS_MAX,
@@ -307,7 +320,7 @@ impl Stage {
             faint: self.chart_accuracy.absolute,
             side_max: feature,
             evaluations_max: EVALUATIONS_MAX,
-            fineness: self.bulb_fineness,
+            fineness: Fineness::new(LINEAR_RULE_SHARE * self.bulb_fineness.error()),
             function_error: 0.0,
         };
         let regions = [Region {
@@ -317,10 +330,10 @@ impl Stage {
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 
-    /// The same stage on a film so fine that a tile of `feature` pixels is at least [`FEATURE_MIN`]
-    /// long; `None` where this one is, or where that one would be too large.
+    /// The same stage on a film so fine that a tile of `feature` pixels is at least
+    /// [`SHARP_FEATURE_MIN`] long; `None` where this one is, or where that one would be too large.
     fn finer_for(&self, feature: f64) -> Option<FinerStage> {
-        let times = (FEATURE_MIN / feature).ceil();
+        let times = (SHARP_FEATURE_MIN / feature).ceil();
         let pixels = times * times * f64::from(self.size[0]) * f64::from(self.size[1]);
         if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
             return None;
