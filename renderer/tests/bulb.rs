@@ -99,16 +99,16 @@ const CASES: [Case; 12] = [
     Case {
         name: "a large sample",
         size: [5, 5],
-        camera: [8.0, 0.8],
-        side_m: 10.0,
+        camera: [0.5, 0.6],
+        side_m: 0.6,
         roughness: 6.0,
         ..PRESET
     },
     Case {
         name: "a rough large sample",
-        camera: [8.0, 0.8],
-        light: [0.2, 0.01],
-        side_m: 10.0,
+        camera: [0.5, 0.6],
+        light: [0.6, 0.02],
+        side_m: 0.6,
         roughness: 60.0,
         ..PRESET
     },

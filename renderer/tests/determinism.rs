@@ -97,7 +97,11 @@ const PARAMETERS: [(&str, Parameter); 10] = [
 /// rules out that pixels differ for another reason, such as random numbers that a parameter seeds.
 #[test]
 fn the_last_digit_of_a_parameter_shows_in_pixels() {
-    for kind in [IntegratorKind::Hybrid, IntegratorKind::Path] {
+    // The last digit can turn one of many paths the other way.
+    for (kind, most) in [
+        (IntegratorKind::Hybrid, 1e-12),
+        (IntegratorKind::Path, 1e-5),
+    ] {
         let mut specification = specification();
         specification.integrator.kind = kind;
         let renderer = Renderer::new(&specification, BackendChoice::Native).expect("a renderer");
@@ -118,7 +122,7 @@ fn the_last_digit_of_a_parameter_shows_in_pixels() {
                 .map(|(found, expected)| (found - expected).abs())
                 .fold(0.0, f64::max);
             assert!(
-                difference > 0.0 && difference < 1e-12,
+                difference > 0.0 && difference < most,
                 "{kind:?}: the last digit of {name} changes pixels by up to {difference:e}"
             );
         }

@@ -94,7 +94,7 @@ const SMALL: f64 = 0.1;
 
 /// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
 /// its value, times c^6.
-const DISC_ERROR: f64 = 5e-5;
+const DISC_ERROR: f64 = 5e-4;
 
 /// Radon's rule of degree 5 on the unit disc: the centre with a weight of 1/4, and a hexagon of
 /// radius sqrt(2/3), 1/8 each.

@@ -55,6 +55,8 @@ pub struct LogFit {
     pub most: f64,
     /// How much the logarithm changes along columns and along rows, a pixel.
     pub slopes: [f64; 2],
+    /// How much that slope changes, a pixel.
+    pub curvatures: [f64; 2],
 }
 
 /// The nodes of a tile and the series through values at them.
@@ -124,11 +126,13 @@ impl LogBasis {
             }
         }
         let sides = rectangle.sides();
+        let steepest = [0, 1].map(|axis| self.steepest(&values[0], axis));
         let fit = LogFit {
             error,
             tails,
             most: brightest * libm::exp((highest + log_error).min(LOG_MAX)),
-            slopes: std::array::from_fn(|axis| self.slope(&values[0], axis) * 2.0 / sides[axis]),
+            slopes: [0, 1].map(|axis| steepest[axis][0] * 2.0 / sides[axis]),
+            curvatures: [0, 1].map(|axis| steepest[axis][1] * 4.0 / (sides[axis] * sides[axis])),
         };
         (tile, fit)
     }
@@ -153,20 +157,28 @@ impl LogBasis {
         coefficients
     }
 
-    /// The steepest slope between neighbouring nodes along an axis, on [-1, 1].
-    fn slope(&self, values: &[[f64; TERMS]; TERMS], axis: usize) -> f64 {
-        let mut steepest = 0.0f64;
-        for k in 1..TERMS {
-            let step = (self.points[k] - self.points[k - 1]).abs();
-            for (other, line) in values.iter().enumerate() {
-                let rise = match axis {
-                    0 => line[k] - line[k - 1],
-                    _ => values[k][other] - values[k - 1][other],
-                };
-                steepest = steepest.max(rise.abs() / step);
+    /// The steepest slope and the largest curvature between neighbouring nodes along an axis, on
+    /// [-1, 1].
+    fn steepest(&self, values: &[[f64; TERMS]; TERMS], axis: usize) -> [f64; 2] {
+        let (mut steepest, mut bent) = (0.0f64, 0.0f64);
+        for (other, line) in values.iter().enumerate() {
+            let value = |k: usize| match axis {
+                0 => line[k],
+                _ => values[k][other],
+            };
+            let slope = |k: usize| {
+                let step = self.points[k] - self.points[k - 1];
+                (value(k) - value(k - 1)) / step
+            };
+            for k in 1..TERMS {
+                steepest = steepest.max(slope(k).abs());
+            }
+            for k in 2..TERMS {
+                let between = 0.5 * (self.points[k] - self.points[k - 2]).abs();
+                bent = bent.max((slope(k) - slope(k - 1)).abs() / between);
             }
         }
-        steepest
+        [steepest, bent]
     }
 }
 

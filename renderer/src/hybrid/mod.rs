@@ -47,13 +47,14 @@ use polygon::Polygon;
 use slopes::Fineness;
 use tiling::{Canvas, Demand, Region};
 
-/// Evaluations after which nothing of a part of a view is refined any more: so many, and so many for
-/// each pixel. They take about a second of a core at 128 x 128.
-const EVALUATIONS_MIN: u64 = 2_000_000;
+/// Evaluations after which nothing of a part of a view is refined any more: so many for each pixel,
+/// and on small films at least so many. They take about a second of a core at 128 x 128.
 const EVALUATIONS_PER_PIXEL: u64 = 1_200;
+const EVALUATIONS_MIN: u64 = 20_000_000;
 
 /// The same for the chart off a narrow lobe, where each takes three times as long.
-const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 200;
+const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 320;
+const GLOSSY_EVALUATIONS_MIN: u64 = 5_000_000;
 
 /// Tiles are as long as this many features of the function on them.
 const FEATURES_PER_TILE: f64 = 3.0;
@@ -69,6 +70,13 @@ const SHARP_WIDTH: f64 = 0.25;
 /// But neither holds where a tile of that light would be shorter than this many pixels: a coarse film's nodes
 /// could miss a feature that its logarithm cannot.
 const FEATURE_MIN: f64 = 12.0;
+
+/// Nor for such edges where a tile would be shorter than this: there the film is rendered finer. The
+/// bulb's image is then four pixels across, and nodes lie less than 1.2 pixels apart.
+const SHARP_FEATURE_MIN: f64 = 6.0;
+
+/// Where pixels are closed forms the rule at a point is the largest error: it is made so much less.
+const LINEAR_RULE_SHARE: f64 = 0.1;
 
 /// The most pixels of a finer film for such edges.
 const FINER_PIXELS_MAX: f64 = 1_048_576.0;
@@ -320,14 +328,20 @@ impl Stage {
         let feature = FEATURES_PER_TILE * self.slope_pixels(slope, distance);
         let width = self.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
         let is_sharp = width <= SHARP_WIDTH;
-        if let (true, Some(finer)) = (is_sharp, self.finer_for(feature)) {
+        let is_small = feature
+            < if is_sharp {
+                SHARP_FEATURE_MIN
+            } else {
+                FEATURE_MIN
+            };
+        if let (true, true, Some(finer)) = (is_sharp, is_small, self.finer_for(feature)) {
             return finer.add_bulb_to(canvas, reflectance);
         }
         let is_glossy = reflectance.lobe.n_u > ROUGH_EXPONENT && !is_sharp;
-        if is_glossy || feature < FEATURE_MIN {
+        if is_glossy || is_small {
             let demand = log_tiling::Demand {
                 accuracy: &self.bulb_accuracy,
-                evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
+                evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
                 fineness: self.bulb_fineness,
                 instructions: self.instructions,
             };
@@ -337,8 +351,8 @@ impl Stage {
             accuracy: &self.bulb_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: feature,
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
-            fineness: self.bulb_fineness,
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
+            fineness: Fineness::new(LINEAR_RULE_SHARE * self.bulb_fineness.error()),
             function_error: 0.0,
         };
         let regions = [Region {
@@ -348,10 +362,10 @@ impl Stage {
         tiling::integrate(canvas, &self.sample, &regions, &demand, &shade)
     }
 
-    /// The same stage on a film so fine that a tile of `feature` pixels is at least [`FEATURE_MIN`]
-    /// long; `None` where this one is, or where that one would be too large.
+    /// The same stage on a film so fine that a tile of `feature` pixels is at least
+    /// [`SHARP_FEATURE_MIN`] long; `None` where this one is, or where that one would be too large.
     fn finer_for(&self, feature: f64) -> Option<FinerStage> {
-        let times = (FEATURE_MIN / feature).ceil();
+        let times = (SHARP_FEATURE_MIN / feature).ceil();
         let pixels = times * times * f64::from(self.size[0]) * f64::from(self.size[1]);
         if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
             return None;
@@ -391,7 +405,7 @@ impl Stage {
             accuracy: &self.chart_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: f64::from(self.size[0]),
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
             fineness: self.chart_fineness,
             function_error: interreflection.error(),
         };
@@ -437,7 +451,7 @@ impl Stage {
             faint: self.chart_accuracy.absolute,
             // What is as fine as the blur of a patch's edge shows at a tile's nodes.
             side_max: self.chart_tile * feature,
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL),
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
             fineness: self.chart_fineness,
             // A sample reflects at most all of the light that it receives.
             function_error: interreflection.error(),
@@ -448,7 +462,8 @@ impl Stage {
         }];
         if glossy::wanted(reflectance) {
             demand.side_max = GLOSSY_TILE * feature;
-            demand.evaluations_max = self.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL);
+            demand.evaluations_max =
+                self.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN);
             demand.fineness = self.glossy_fineness;
             let glossy = [&chart, &finer]
                 .map(|chart| GlossyChart::new(chart, reflectance, self.instructions));
@@ -502,8 +517,9 @@ impl Stage {
     }
 
     /// The limit on evaluations for a part of the view.
-    fn evaluations_max(&self, per_pixel: u64) -> u64 {
-        EVALUATIONS_MIN + per_pixel * u64::from(self.size[0]) * u64::from(self.size[1])
+    fn evaluations_max(&self, per_pixel: u64, least: u64) -> u64 {
+        let [width, height] = self.size.map(u64::from);
+        least.max(per_pixel * width * height)
     }
 
     /// How many pixels a tile may span. A light that spans `half_slope` in the slope plane, blurred

@@ -142,6 +142,7 @@ pub const EVERYTHING: Moments = {
 /// Up to z, which is told from a table: within 1e-9.
 #[inline(always)]
 pub fn up_to(z: f64) -> Moments {
+    let z = z.clamp(-TABLE_END, TABLE_END);
     let [mass, density] = table(z);
     let mut moments = NOTHING;
     moments[0] = mass;
