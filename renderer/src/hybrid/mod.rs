@@ -47,6 +47,9 @@ use polygon::Polygon;
 use slopes::Fineness;
 use tiling::{Canvas, Demand, Region};
 
+/// The target for which limits on work are made: the preset's.
+const ORDINARY: f64 = 1e-3;
+
 /// Evaluations after which nothing of a part of a view is refined any more: so many for each pixel,
 /// and on small films at least so many. They take about a second of a core at 128 x 128.
 const EVALUATIONS_PER_PIXEL: u64 = 1_200;
@@ -124,6 +127,8 @@ pub struct Stage {
     panel: Option<PanelOnFilm>,
     bounces_max: u32,
     size: [u32; 2],
+    /// The error that is asked for where a pixel's value is 1.
+    target: f64,
     /// The targets of the parts that add up to a pixel, and how fine they are worked out.
     bulb_accuracy: Accuracy,
     bulb_fineness: Fineness,
@@ -222,6 +227,7 @@ impl Stage {
             panel,
             bounces_max: specification.integrator.max_bounces,
             size,
+            target,
             bulb_accuracy: Accuracy {
                 absolute: BULB_SHARE * BULB_FAINT * accuracy.absolute,
                 relative: BULB_SHARE * accuracy.relative,
@@ -516,10 +522,12 @@ impl Stage {
         evaluations
     }
 
-    /// The limit on evaluations for a part of the view.
+    /// The limit on evaluations for a part of the view. It rises with the root of the inverse of a
+    /// relative target below [`ORDINARY`].
     fn evaluations_max(&self, per_pixel: u64, least: u64) -> u64 {
         let [width, height] = self.size.map(u64::from);
-        least.max(per_pixel * width * height)
+        let finer = (ORDINARY / self.target).max(1.0).sqrt();
+        (finer * least.max(per_pixel * width * height) as f64) as u64
     }
 
     /// How many pixels a tile may span. A light that spans `half_slope` in the slope plane, blurred
