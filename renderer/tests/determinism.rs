@@ -100,7 +100,7 @@ fn the_last_digit_of_a_parameter_shows_in_pixels() {
     // The last digit can turn one of many paths the other way.
     for (kind, most) in [
         (IntegratorKind::Hybrid, 1e-12),
-        (IntegratorKind::Path, 1e-5),
+        (IntegratorKind::Path, 1e-3),
     ] {
         let mut specification = specification();
         specification.integrator.kind = kind;
