@@ -29,15 +29,15 @@ fn beside(path: &Path) -> PathBuf {
     name.into()
 }
 
-/// The lower-case ending of a file's name, which has to be one of `known`.
-pub fn ending<'a>(path: &Path, known: &[&'a str]) -> Result<&'a str, BadInput> {
+/// The lower-case ending of the file's name that `option` gives, which has to be one of `known`.
+pub fn ending<'a>(option: &str, path: &Path, known: &[&'a str]) -> Result<&'a str, BadInput> {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     let found = known
         .iter()
         .find(|known| ending.as_deref() == Some((**known).as_ref()));
     found.copied().ok_or_else(|| {
         BadInput(format!(
-            "--out {}: the name has to end in .{}",
+            "{option} {}: the name has to end in .{}",
             path.display(),
             known.join(" or .")
         ))

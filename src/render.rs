@@ -3,8 +3,12 @@
 use crate::failure::BadInput;
 use crate::{cores, output, picture, specification};
 use clap::Args;
-use dataset::{Digest, Material, specification::limits};
-use renderer::{Renderer, geometry::BackendChoice};
+use dataset::{
+    Digest, Material,
+    specification::{Accuracy, IntegratorKind, limits},
+};
+use renderer::{Renderer, Rendering, geometry::BackendChoice};
+use serde::Serialize;
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -16,7 +20,7 @@ const MATERIAL_FILE_BYTES_MAX: u64 = 1 << 16;
 ///
 /// The material is one of the set, by seed and index, or stands in a file. The same specification,
 /// seed, material and view give the same bytes on any machine; with --expect the digest is checked,
-/// and nothing is written where it differs. Prints the digest and the measured error.
+/// and nothing is written where it differs. Prints the EXR file's digest and the measured error.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
@@ -35,11 +39,19 @@ pub struct Options {
     #[arg(long, value_name = "NUMBER")]
     view: u32,
     /// Where to write: an .exr file, or a .png to look at
-    #[arg(long, value_name = "FILE", required_unless_present = "expect")]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["expect", "error_out"])]
     out: Option<PathBuf>,
+    /// Where to write the stated error of each pixel: an .exr file with one channel, error, of
+    /// 32-bit floats in units of white. The rounding of the image to 16 bits is not included
+    #[arg(long, value_name = "FILE")]
+    error_out: Option<PathBuf>,
     /// The BLAKE3 digest that the EXR file must have
     #[arg(long, value_name = "DIGEST")]
     expect: Option<Digest>,
+    /// Print one JSON object: what identifies the image, the digest of its EXR file, and its error
+    /// under the names of the manifest's columns
+    #[arg(long)]
+    json: bool,
     /// What traces the rays: auto, native, embree, or embree with an instruction set, as in
     /// embree:avx2; the image is the same
     #[arg(long, default_value = "auto")]
@@ -66,6 +78,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         (None, None) => unreachable!("the command line requires one of both"),
     };
     let kind = options.out.as_deref().map(output_kind).transpose()?;
+    check_error_out(options)?;
     if options.view as usize >= specification.views.len() {
         return Err(BadInput(format!(
             "--view {}: the specification has {} views, counted from 0",
@@ -86,16 +99,22 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         anyhow::bail!("the image's digest is {digest}, not {expected} as expected");
     }
     if let (Some(path), Some(kind)) = (&options.out, kind) {
-        let bytes = match kind {
-            OutputKind::Exr => rendering.exr,
-            OutputKind::Png => {
-                let film = &rendering.film;
-                let values: Vec<_> = film.pixels.iter().map(|pixel| pixel.value).collect();
-                picture::develop(&values, film.width, film.height, options.exposure)?
-            }
-        };
-        output::write(path, &bytes)?;
+        match kind {
+            OutputKind::Exr => output::write(path, &rendering.exr)?,
+            OutputKind::Png => output::write(path, &developed(&rendering, options.exposure)?)?,
+        }
     }
+    if let Some(path) = &options.error_out {
+        output::write(path, &renderer.encode_error(&rendering)?)?;
+    }
+    if options.json {
+        print_json(digest, &rendering, &specification.accuracy)
+    } else {
+        print_line(digest, &rendering)
+    }
+}
+
+fn print_line(digest: Digest, rendering: &Rendering) -> anyhow::Result<()> {
     let statistics = rendering.statistics;
     writeln!(
         io::stdout(),
@@ -109,6 +128,66 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What `--json` prints. A field that is also a column of the manifest has the column's name.
+#[derive(Serialize)]
+struct Answer<'a> {
+    digest: Digest,
+    specification: &'a str,
+    renderer_version: &'a str,
+    seed: u64,
+    /// Null for a material from a file.
+    material: Option<u32>,
+    view: u32,
+    width: u32,
+    height: u32,
+    /// The integrator that rendered the view, which need not be the specification's.
+    integrator: IntegratorKind,
+    /// The error that the specification allows a pixel.
+    accuracy: &'a Accuracy,
+    error_mean: f64,
+    error_p95: f64,
+    error_max: f64,
+    within_target: f64,
+    samples: u64,
+    evaluations: u64,
+}
+
+fn print_json(digest: Digest, rendering: &Rendering, accuracy: &Accuracy) -> anyhow::Result<()> {
+    let Rendering {
+        header,
+        integrator,
+        film,
+        statistics,
+        ..
+    } = rendering;
+    let answer = Answer {
+        digest,
+        specification: &header.specification,
+        renderer_version: &header.renderer_version,
+        seed: header.seed,
+        material: header.material,
+        view: header.view,
+        width: film.width,
+        height: film.height,
+        integrator: *integrator,
+        accuracy,
+        error_mean: statistics.mean,
+        error_p95: statistics.p95,
+        error_max: statistics.max,
+        within_target: statistics.within_target,
+        samples: statistics.samples,
+        evaluations: statistics.evaluations,
+    };
+    writeln!(io::stdout(), "{}", serde_json::to_string(&answer)?)?;
+    Ok(())
+}
+
+fn developed(rendering: &Rendering, exposure: f64) -> anyhow::Result<Vec<u8>> {
+    let film = &rendering.film;
+    let values: Vec<_> = film.pixels.iter().map(|pixel| pixel.value).collect();
+    picture::develop(&values, film.width, film.height, exposure)
+}
+
 #[derive(Clone, Copy)]
 enum OutputKind {
     Exr,
@@ -116,10 +195,28 @@ enum OutputKind {
 }
 
 fn output_kind(path: &Path) -> Result<OutputKind, BadInput> {
-    Ok(match output::ending(path, &["exr", "png"])? {
+    Ok(match output::ending("--out", path, &["exr", "png"])? {
         "png" => OutputKind::Png,
         _ => OutputKind::Exr,
     })
+}
+
+/// Refuses a name that is no .exr file's, or that `--out` has as well.
+fn check_error_out(options: &Options) -> anyhow::Result<()> {
+    let Some(path) = &options.error_out else {
+        return Ok(());
+    };
+    output::ending("--error-out", path, &["exr"])?;
+    if let Some(out) = &options.out
+        && std::path::absolute(out)? == std::path::absolute(path)?
+    {
+        return Err(BadInput(format!(
+            "--error-out {}: --out names the same file, give it another name",
+            path.display()
+        ))
+        .into());
+    }
+    Ok(())
 }
 
 fn read_material(path: &Path) -> Result<Material, BadInput> {

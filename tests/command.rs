@@ -387,6 +387,14 @@ fn a_wrong_command_line_is_refused_before_anything_is_written() {
         ("render --material 0 --view 14 --out x.exr", "14 views"),
         ("render --material 0 --view 0 --out x.jpg", ".exr or .png"),
         (
+            "render --material 0 --view 0 --error-out x.png",
+            "--error-out x.png: the name has to end in .exr",
+        ),
+        (
+            "render --material 0 --view 0 --out x.exr --error-out ./x.exr",
+            "the same file",
+        ),
+        (
             "render --material 0 --view 0 --seed 9223372036854775808 --out x.exr",
             "--seed",
         ),

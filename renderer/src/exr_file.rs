@@ -1,13 +1,21 @@
-//! The image as an OpenEXR file whose bytes are a function of its pixels and header.
+//! The image, and the error of each of its pixels, as OpenEXR files whose bytes are a function of
+//! the pixels and the header.
 //!
 //! The encoder keeps attributes it does not know in a hash map of random order; so everything of
-//! ours is one text attribute of JSON, its keys in the order of the type, and the rest are standard attributes, which it
-//! writes in a fixed order. Nothing tells the time or the host.
+//! ours is one text attribute of JSON, its keys in the order of the type, and the rest are standard
+//! attributes, which it writes in a fixed order. Nothing tells the time or the host.
 
 use crate::film::{Film, FilmPixel};
+use crate::rounding::rounded_up;
 use dataset::{IMAGE_HEADER_ATTRIBUTE, ImageHeader, specification::Pixel};
+use exr::image::write::channels::WritableChannels;
 use exr::prelude::*;
 use std::io::Cursor;
+
+/// What the file of errors says of its values, in the standard attribute for comments.
+const ERROR_COMMENTS: &str = "error: half the width of the 95 percent interval of the worst channel \
+    in units of white (1 is the radiance of a perfect white diffuser at the origin which faces the \
+    bulb), rounded up; the rounding of the image's pixels to 16 bits is not included";
 
 /// Why a file could not be encoded or decoded.
 #[derive(Debug, thiserror::Error)]
@@ -73,6 +81,47 @@ fn encode_as<T: IntoSample + Copy + Default>(
         let [red, green, blue] = value.map(&convert);
         (red, green, blue)
     });
+    let attributes = attributes(header, white_luminance)?;
+    let mut image = Image::from_layer(layer(film, attributes, channels));
+    image.attributes.chromaticities = Some(attribute::Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.30, 0.60),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.3290),
+    });
+    write(&image)
+}
+
+/// Encodes the error of each pixel of `film` as one channel, `error`, of 32-bit floats in units of
+/// white. They are rounded up, so none is below the error that was stated. The file's layout and
+/// its header are those of the image that [`encode`] makes; a comment gives the unit.
+///
+/// # Errors
+/// When the library refuses.
+pub fn encode_error(
+    film: &Film,
+    header: &ImageHeader,
+    white_luminance: f64,
+) -> std::result::Result<Vec<u8>, ExrError> {
+    let width = film.width as usize;
+    let channels = SpecificChannels::build()
+        .with_channel("error")
+        .with_pixel_fn(|position: Vec2<usize>| {
+            let FilmPixel { error, .. } = film.pixels[position.y() * width + position.x()];
+            (rounded_up(error),)
+        });
+    let attributes = LayerAttributes {
+        comments: Some(Text::from(ERROR_COMMENTS)),
+        ..attributes(header, white_luminance)?
+    };
+    write(&Image::from_layer(layer(film, attributes, channels)))
+}
+
+/// What every file says of itself.
+fn attributes(
+    header: &ImageHeader,
+    white_luminance: f64,
+) -> std::result::Result<LayerAttributes, ExrError> {
     let mut attributes = LayerAttributes {
         software_name: Some(Text::from("brdfarm")),
         white_luminance: Some(white_luminance as f32),
@@ -82,24 +131,27 @@ fn encode_as<T: IntoSample + Copy + Default>(
         Text::from(IMAGE_HEADER_ATTRIBUTE),
         AttributeValue::Text(Text::from(serde_json::to_string(header)?.as_str())),
     );
+    Ok(attributes)
+}
+
+/// Scan lines from top to bottom, compressed with ZIP, 16 lines a block.
+fn layer<'a, Channels: WritableChannels<'a> + 'a>(
+    film: &Film,
+    attributes: LayerAttributes,
+    channels: Channels,
+) -> Layer<Channels> {
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let layer = Layer::new(
-        (width, film.height as usize),
-        attributes,
-        encoding,
-        channels,
-    );
-    let mut image = Image::from_layer(layer);
-    image.attributes.chromaticities = Some(attribute::Chromaticities {
-        red: Vec2(0.64, 0.33),
-        green: Vec2(0.30, 0.60),
-        blue: Vec2(0.15, 0.06),
-        white: Vec2(0.3127, 0.3290),
-    });
+    let size = (film.width as usize, film.height as usize);
+    Layer::new(size, attributes, encoding, channels)
+}
+
+fn write<'a, Channels: WritableChannels<'a>>(
+    image: &'a Image<Layer<Channels>>,
+) -> std::result::Result<Vec<u8>, ExrError> {
     let mut bytes = Vec::new();
     image
         .write()

@@ -18,6 +18,7 @@ pub mod query;
 pub mod reflectance;
 mod render;
 mod replicates;
+mod rounding;
 pub mod sampler;
 pub mod scene;
 mod stage_time;

@@ -34,6 +34,11 @@ struct PreparedView {
 /// A rendered view.
 #[derive(Clone, Debug)]
 pub struct Rendering {
+    /// What identifies the image: its file's header.
+    pub header: ImageHeader,
+    /// The integrator that rendered the view: the path tracer also where the specification asks for
+    /// the hybrid integrator and that cannot render the view.
+    pub integrator: IntegratorKind,
     /// The pixels in full precision.
     pub film: Film,
     /// The EXR file.
@@ -161,6 +166,10 @@ impl Renderer {
             self.work_out(stage, material, &reflectance, angles_deg, key)
                 .ok()
         });
+        let integrator = match worked_out {
+            Some(_) => IntegratorKind::Hybrid,
+            None => IntegratorKind::Path,
+        };
         let (film, samples, evaluations, mut stages) = worked_out.unwrap_or_else(|| {
             let mut stages = Vec::new();
             let (film, samples) = timed(&mut stages, "trace", || {
@@ -173,6 +182,8 @@ impl Renderer {
             exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
         })?;
         Ok(Rendering {
+            header,
+            integrator,
             exr,
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
@@ -200,6 +211,16 @@ impl Renderer {
             stage.render(reflectance, interreflection.as_deref(), key)?;
         stages.extend(others);
         Ok((film, 0, evaluations, stages))
+    }
+
+    /// Encodes the stated error of each pixel of `rendering`, which this renderer made, as an EXR
+    /// file of one channel, `error`, in units of white. Where pixels are stored with 16 bits, their
+    /// rounding is not part of it.
+    ///
+    /// # Errors
+    /// When the library refuses.
+    pub fn encode_error(&self, rendering: &Rendering) -> Result<Vec<u8>, ExrError> {
+        exr_file::encode_error(&rendering.film, &rendering.header, self.white())
     }
 
     /// The luminance in cd/m^2 of a pixel of value 1: that of a white diffuser at the origin which

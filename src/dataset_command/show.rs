@@ -36,7 +36,7 @@ pub struct Options {
 
 /// Writes the sheet.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
-    output::ending(&options.out, &["png"])?;
+    output::ending("--out", &options.out, &["png"])?;
     let store = ReadOnlyStore::open(&options.store.store)?;
     let specification = store.specification();
     let view_count = specification.views.len() as u32;

@@ -6,6 +6,7 @@ use std::ptr;
 use super::abi::{self, QueryFunctionArguments};
 use super::scene::{Scene, UserData, single};
 use crate::geometry::{Hit, Primitive, PrimitiveId, Ray, native};
+use crate::rounding::rounded_up;
 use crate::vector::Vec3;
 
 /// What one query asks and has found so far.
@@ -141,16 +142,6 @@ fn embree_ray(ray: &Ray, distance_max: f64) -> abi::Ray {
         mask: u32::MAX,
         id: 0,
         flags: 0,
-    }
-}
-
-/// The least 32-bit float that is not below `value`.
-fn rounded_up(value: f64) -> f32 {
-    let nearest = value as f32;
-    if f64::from(nearest) < value {
-        nearest.next_up()
-    } else {
-        nearest
     }
 }
 
