@@ -53,7 +53,10 @@ const ORDINARY: f64 = 1e-3;
 /// Evaluations after which nothing of a part of a view is refined any more: so many for each pixel,
 /// and on small films at least so many. They take about a second of a core at 128 x 128.
 const EVALUATIONS_PER_PIXEL: u64 = 1_200;
-const EVALUATIONS_MIN: u64 = 20_000_000;
+const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
+
+/// The same on small films for the chart, each of whose evaluations takes longer.
+const CHART_EVALUATIONS_MIN: u64 = 2_000_000;
 
 /// The same for the chart off a narrow lobe, where each takes three times as long.
 const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 320;
@@ -347,7 +350,7 @@ impl Stage {
         if is_glossy || is_small {
             let demand = log_tiling::Demand {
                 accuracy: &self.bulb_accuracy,
-                evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
+                evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
                 fineness: self.bulb_fineness,
                 instructions: self.instructions,
             };
@@ -357,7 +360,7 @@ impl Stage {
             accuracy: &self.bulb_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: feature,
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
             fineness: Fineness::new(LINEAR_RULE_SHARE * self.bulb_fineness.error()),
             function_error: 0.0,
         };
@@ -411,7 +414,7 @@ impl Stage {
             accuracy: &self.chart_accuracy,
             faint: self.chart_accuracy.absolute,
             side_max: f64::from(self.size[0]),
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
             fineness: self.chart_fineness,
             function_error: interreflection.error(),
         };
@@ -457,7 +460,7 @@ impl Stage {
             faint: self.chart_accuracy.absolute,
             // What is as fine as the blur of a patch's edge shows at a tile's nodes.
             side_max: self.chart_tile * feature,
-            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, EVALUATIONS_MIN),
+            evaluations_max: self.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
             fineness: self.chart_fineness,
             // A sample reflects at most all of the light that it receives.
             function_error: interreflection.error(),
