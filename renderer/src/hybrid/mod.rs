@@ -50,8 +50,8 @@ use tiling::{Canvas, Demand, Region};
 /// The target for which limits on work are made: the preset's.
 const ORDINARY: f64 = 1e-3;
 
-/// Evaluations after which nothing of a part of a view is refined any more: so many for each pixel,
-/// and on small films at least so many. They take about a second of a core at 128 x 128.
+/// The limit on evaluations for a part of a view, for each pixel, and the least limit on small films.
+/// Nothing is refined beyond it. It takes about a second of a core at 128 x 128.
 const EVALUATIONS_PER_PIXEL: u64 = 1_200;
 const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
 
