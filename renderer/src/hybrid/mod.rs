@@ -59,7 +59,7 @@ const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
 const CHART_EVALUATIONS_MIN: u64 = 2_000_000;
 
 /// The same for the chart off a narrow lobe, where each takes three times as long.
-const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 320;
+const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 800;
 const GLOSSY_EVALUATIONS_MIN: u64 = 5_000_000;
 
 /// Tiles are as long as this many features of the function on them.

@@ -11,16 +11,14 @@ mod conic;
 mod line;
 mod moments;
 
-use super::batch::{Batch, LANES, total};
-use super::chart::LitChart;
-use super::elementary::{exp, log1p};
+use super::chart::{LIGHT_NODES, LitChart};
 use super::gauss::GaussRule;
 use super::slopes::Fineness;
-use crate::instructions::{Instructions, kernel};
-use crate::reflectance::{Reflectance, fresnel};
+use crate::instructions::Instructions;
+use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 use conic::Conic;
-use line::{Branches, LineScratch};
+use line::{Branches, Cuts, Lines};
 use moments::Order;
 
 /// From this exponent along the narrow axis on, and from this ratio of the two exponents on, rules
@@ -64,15 +62,20 @@ pub struct GlossyChart<'a> {
     axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
     corners: Vec<Vec3>,
+    /// The light on each patch as in [`LitChart::light`], with channels to fill a vector.
+    light: Vec<[[[f64; LIGHT_CHANNELS]; LIGHT_NODES]; LIGHT_NODES]>,
 }
+
+/// Three channels and one that is 0.
+const LIGHT_CHANNELS: usize = 4;
 
 /// Buffers.
 #[derive(Default)]
 pub struct Scratch {
-    batch: PieceBatch,
     passages: Vec<Passage>,
     ends: Vec<End>,
-    line: LineScratch,
+    lines: Lines,
+    cuts: Cuts,
 }
 
 /// An edge of patches that passes through the lobe along the wide axis.
@@ -145,6 +148,11 @@ impl<'a> GlossyChart<'a> {
             corner: lobe.to_lobe(panel.corner),
             axes: [panel.x, panel.y, panel.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
+            light: chart
+                .light
+                .iter()
+                .map(|patch| patch.map(|row| row.map(|[r, g, b]| [r, g, b, 0.0])))
+                .collect(),
         }
     }
 
@@ -159,79 +167,14 @@ impl<'a> GlossyChart<'a> {
     ) -> ([f64; 3], u32) {
         let lobe = &self.reflectance.lobe;
         let response = self.reflectance.tint_response(wo.z);
-        scratch.batch.clear();
         let point = Point::new(self, position, wo, response.knee, fineness);
-        gather(self.instructions, &point, scratch);
-        let ior = self.reflectance.ior;
-        let exponents = [lobe.n_u, lobe.n_v];
-        let batch = &scratch.batch;
-        let [fresnel, excess] = integrals(
-            self.instructions,
-            batch,
-            point.wo,
-            exponents,
-            ior,
-            response.knee,
-        );
+        point.gather(scratch);
+        let sums = line::add_lines(self.instructions, &point, &scratch.lines, &mut scratch.cuts);
         let scale = lobe.normalization / (2.0 * std::f64::consts::PI);
         let radiance = std::array::from_fn(|channel| {
-            scale * response.at_moments(fresnel[channel], excess[channel])[channel]
+            scale * response.at_moments(sums.fresnel[channel], sums.excess[channel])[channel]
         });
-        (radiance, batch.count() as u32)
-    }
-}
-
-kernel! {
-    /// Gathers the points of the rule.
-    pub fn gather(point: &Point<'_>, scratch: &mut Scratch) {
-        point.gather(scratch);
-    }
-}
-
-/// Points of the rule: p, q, 1 beyond the tint's knee and else 0; then in each channel the chart's
-/// light times the rule's weight where the light stands higher than the viewer, and where lower.
-pub type PieceBatch = Batch<9>;
-
-kernel! {
-    /// In each channel the integral of the light times the lobe and Fresnel's reflectance, and of
-    /// the same with what that exceeds the tint's knee by.
-    pub fn integrals(
-        batch: &PieceBatch,
-        wo: Vec3,
-        exponents: [f64; 2],
-        ior: f64,
-        knee: f64,
-    ) -> [[f64; 3]; 2] {
-        let per_viewer = 1.0 / wo.z;
-        let mut sums = [[[0.0; LANES]; 3]; 2];
-        for [p, q, beyond_knee, r_high, g_high, b_high, r_low, g_low, b_low] in batch.blocks() {
-            let (mut value, mut shade, mut beyond) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            for i in 0..LANES {
-                let (p2, q2) = (p[i] * p[i], q[i] * q[i]);
-                let t = p2 + q2;
-                let inverse = 1.0 / (1.0 + t);
-                let cos_i = 2.0 * (wo.x * p[i] + wo.y * q[i] + wo.z) * inverse - wo.z;
-                // Points that a piece is told by can lie beyond it, and below the horizon.
-                let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
-                // At the normal the quotient is 0/0 and the product 0.
-                let exponent = (exponents[0] * p2 + exponents[1] * q2) / (t + f64::MIN_POSITIVE);
-                let power = exp(-0.5 * exponent * log1p(t));
-                let fresnel = fresnel::reflectance(cos_i, ior);
-                let lobe = power * inverse * inverse.sqrt();
-                value[i] = lobe * fresnel;
-                beyond[i] = lobe * (fresnel - knee) * beyond_knee[i];
-                shade[i] = cos_i * per_viewer;
-            }
-            let light = [(r_high, r_low), (g_high, g_low), (b_high, b_low)];
-            for (channel, (high, low)) in light.into_iter().enumerate() {
-                for i in 0..LANES {
-                    let light = high[i] + shade[i] * low[i];
-                    sums[0][channel][i] += value[i] * light;
-                    sums[1][channel][i] += beyond[i] * light;
-                }
-            }
-        }
-        sums.map(|channels| channels.map(total))
+        (radiance, sums.evaluations)
     }
 }
 
@@ -250,6 +193,8 @@ pub struct Point<'a> {
     fineness: Fineness,
     /// Half the lobe's reach along p, in widths.
     reach: f64,
+    /// Columns and rows of patches.
+    counts: [f64; 2],
     order: Order,
 }
 
@@ -285,6 +230,7 @@ impl<'a> Point<'a> {
             branches: Branches::new(wo, knee, reflectance.ior),
             fineness,
             reach: 0.5 * fineness.reach_widths(TAIL_DIGITS),
+            counts: [glossy.chart.panel.columns, glossy.chart.panel.rows].map(f64::from),
             order: if fineness.is_check() {
                 order.finer()
             } else {
@@ -293,9 +239,9 @@ impl<'a> Point<'a> {
         }
     }
 
-    /// Gathers the points of the rule.
-    #[inline(always)]
+    /// Gathers the lines of the rule.
     fn gather(&self, scratch: &mut Scratch) {
+        scratch.lines.clear();
         let [low, high] = self.extent();
         if low >= high {
             return;
@@ -340,7 +286,7 @@ impl<'a> Point<'a> {
         for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
             let per = 1.0 / (1.0 - x * x);
             let slope = 2.0 * (1.0 + x * x) * per * per;
-            self.add_line(2.0 * x * per, weight * slope, scratch);
+            scratch.lines.push([2.0 * x * per, weight * slope]);
         }
     }
 
