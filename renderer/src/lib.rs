@@ -6,18 +6,15 @@
 //! compiled in, and no sum depends on the schedule of threads.
 
 pub mod bsdf;
-mod embree;
 mod exr_file;
 pub mod film;
 pub mod geometry;
 pub mod hybrid;
-mod instructions;
-mod interreflection_cache;
+mod numerics;
 pub mod path;
 pub mod query;
 pub mod reflectance;
 mod render;
-mod replicates;
 mod rounding;
 pub mod sampler;
 pub mod scene;
@@ -26,6 +23,6 @@ pub mod vector;
 pub mod warp;
 
 pub use exr_file::{ExrError, decode as decode_exr, encode as encode_exr};
-pub use instructions::Instructions;
+pub use numerics::instructions::Instructions;
 pub use render::{RenderError, Renderer, Rendering};
 pub use stage_time::StageTime;

@@ -3,9 +3,9 @@
 use crate::exr_file::{self, ExrError};
 use crate::film::Film;
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
+use crate::hybrid::interreflection::cache::InterreflectionCache;
 use crate::hybrid::{Stage, Unresolved};
-use crate::instructions::Instructions;
-use crate::interreflection_cache::InterreflectionCache;
+use crate::numerics::instructions::Instructions;
 use crate::path;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;

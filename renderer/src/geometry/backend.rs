@@ -3,7 +3,7 @@
 use std::fmt::{Display, Formatter, Result as FormatResult};
 use std::str::FromStr;
 
-use crate::embree::Isa;
+use super::embree::Isa;
 
 /// What a specification or a user asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -5,17 +5,17 @@
 //! same 64-bit code. The choice therefore changes how long an image takes and never a byte of it.
 
 mod backend;
-pub(crate) mod native;
+mod embree;
+mod native;
 mod primitive;
 
 use std::sync::{Arc, Once};
 
-pub use crate::embree::{EmbreeError, Isa, UnknownIsa};
 pub use backend::{BackendChoice, BackendKind, UnknownBackend};
-pub(crate) use primitive::Bounds;
+pub use embree::{EmbreeError, Isa, UnknownIsa};
 pub use primitive::{Hit, Primitive, PrimitiveId, Ray, Rectangle, Sphere};
 
-use crate::embree::Scene;
+use embree::Scene;
 
 /// From how many primitives on `auto` takes Embree.
 ///

@@ -1,7 +1,7 @@
 //! The primitives tested one after another: the fastest for a few, and what every answer of
 //! Embree must equal bit for bit.
 
-use super::{Hit, Primitive, PrimitiveId, Ray};
+use super::primitive::{Hit, Primitive, PrimitiveId, Ray};
 
 /// The nearest hit on anything but `from`.
 pub(crate) fn intersect(primitives: &[Primitive], ray: &Ray, from: PrimitiveId) -> Option<Hit> {

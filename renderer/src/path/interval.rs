@@ -8,7 +8,7 @@
 //! percent.
 
 use crate::film::FilmPixel;
-use crate::replicates::REPLICATES;
+use crate::film::replicates::REPLICATES;
 
 /// The 0.985 quantile of Student's t with `REPLICATES - 1` degrees of freedom: 97 percent a channel
 /// are 95 percent or more of all three, which are correlated and never exactly normal.

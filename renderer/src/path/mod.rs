@@ -18,10 +18,10 @@ mod glint;
 mod interval;
 
 use crate::bsdf::Bsdf;
+use crate::film::replicates::REPLICATES;
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{PrimitiveId, Ray, Rectangle};
 use crate::reflectance::Reflectance;
-use crate::replicates::REPLICATES;
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::{Bulb, Encounter, SAMPLE, Scene, Surface};
 use crate::vector::Vec3;

@@ -16,6 +16,7 @@
 
 pub mod fresnel;
 pub mod lobe;
+pub(crate) mod slope_plane;
 mod tint;
 
 pub use tint::{TintResponse, tint};

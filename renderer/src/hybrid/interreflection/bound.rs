@@ -4,9 +4,9 @@
 //! intervals for the half vector's components, and these a bound of the lobe over all pairs of
 //! points in the boxes.
 
-use super::super::chart::Panel;
-use super::Frame;
+use super::frame::Frame;
 use crate::reflectance::Reflectance;
+use crate::scene::Panel;
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -169,14 +169,14 @@ fn chart_boxes(frame: &Frame<'_>, [across, up]: [usize; 2]) -> Vec<Bound3> {
 }
 
 fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
-    let stage = frame.stage;
+    let view = frame.view;
     let [along, across, up] = BULB_BOXES;
-    let Vec3 { x, y, z } = stage.bulb_centre;
-    let radius = stage.bulb_radius;
+    let Vec3 { x, y, z } = view.bulb.centre;
+    let radius = view.bulb.radius;
     let bulb = Bound3([x, y, z].map(|at| [at - radius, at + radius]));
     let charts = chart_boxes(frame, [across, up]);
     let mut most = 0.0f64;
-    for from in sample_boxes(stage.sample_half, along) {
+    for from in sample_boxes(view.sample_half, along) {
         let nearest = Bound3([x, y, z].map(|at| [at; 2]));
         let offset2: f64 = (0..3)
             .map(|axis| square(difference(nearest.0[axis], from.0[axis]))[0])
@@ -189,14 +189,14 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
             most = most.max(specular * solid_angle);
         }
     }
-    most * stage.bulb_radiance * form_factor_max(&frame.panel.panel)
+    most * view.bulb.radiance * form_factor_max(&frame.panel.panel)
 }
 
 fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
     let [along, across, up] = CHART_BOXES;
     let charts = chart_boxes(frame, [across, up]);
     let mut most = 0.0f64;
-    for from in sample_boxes(frame.stage.sample_half, along) {
+    for from in sample_boxes(frame.view.sample_half, along) {
         let directions: Vec<_> = charts.iter().map(|to| to.direction_from(&from)).collect();
         for wi in &directions {
             for wo in &directions {

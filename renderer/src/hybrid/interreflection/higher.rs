@@ -4,14 +4,13 @@
 //! every pair the integral over the sample is worked out once. That matrix takes the bulb's light
 //! on the chart to order 2, order 1 to order 3, and any order to the second next.
 
-use super::super::chebyshev::{Basis, Tile, add_scaled};
-use super::super::pixel::largest_difference;
+use super::frame::Frame;
+use super::levels::{EVALUATIONS_MAX, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, compared, fineness};
 use super::sources::{ChartPoint, chart_points};
 use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
-use super::{
-    EVALUATIONS_MAX, Frame, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
-    compared, fineness, largest, unresolved_error,
-};
+use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
+use crate::numerics::channels::{add_scaled, largest, largest_difference};
+use crate::numerics::chebyshev::{Basis, Tile};
 use rayon::prelude::*;
 
 /// Cells of the chart by level: their sides over their distance from the sample, at most, and
@@ -173,7 +172,7 @@ fn series<const TERMS: usize>(
     let bounds = frame.bounds();
     // The light on the points by the two orders before the one that comes next.
     let mut before = [points.direct.clone(), points.order_1.clone()];
-    for order in 2..frame.stage.bounces_max {
+    for order in 2..frame.view.bounces_max {
         let from = &before[order as usize % 2];
         let values: Vec<[f64; 3]> = rows
             .iter()
@@ -182,7 +181,7 @@ fn series<const TERMS: usize>(
         for (sum, value) in sums[0].iter_mut().zip(&values) {
             add_scaled(sum, *value, 1.0);
         }
-        if order + 1 < frame.stage.bounces_max {
+        if order + 1 < frame.view.bounces_max {
             for (sum, value) in sums[1].iter_mut().zip(&values) {
                 add_scaled(sum, *value, 1.0);
             }
@@ -204,7 +203,7 @@ fn series<const TERMS: usize>(
 impl Points {
     fn new(frame: &Frame<'_>, level: usize, order_1: &impl Fn([f64; 2]) -> [f64; 3]) -> Self {
         let panel = &frame.panel.panel;
-        let half = frame.stage.sample_half;
+        let half = frame.view.sample_half;
         let (ratio, points) = CELLS[level];
         let points = chart_points(panel, half, frame.gap, ratio, points);
         let positions = points.iter().map(|point| {
@@ -218,7 +217,7 @@ impl Points {
         });
         let direct = points
             .iter()
-            .map(|point| [frame.stage.bulb_on_chart(frame.panel, point.at); 3]);
+            .map(|point| [frame.view.bulb_on_chart(&frame.panel.panel, point.at); 3]);
         Self {
             positions: positions.collect(),
             weights: weights.collect(),
@@ -278,7 +277,7 @@ fn row(
             batch.push([*v, *weight, *low, *high, *x, *y, *z]);
         }
         sums.resize(batch.blocks().len(), Default::default());
-        let instructions = frame.stage.instructions;
+        let instructions = frame.view.instructions;
         from_chart(
             instructions,
             batch,

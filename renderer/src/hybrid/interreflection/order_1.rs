@@ -1,14 +1,13 @@
 //! Order 1: from the bulb off the sample to the chart.
 
-use super::super::chebyshev::{Basis, Fit, Tile};
-use super::super::pixel::largest_difference;
-use super::super::polygon::Rectangle;
+use super::frame::Frame;
+use super::levels::{EVALUATIONS_MAX, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, compared, fineness};
 use super::sources::disc;
 use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
-use super::{
-    EVALUATIONS_MAX, Frame, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, UNRESOLVED_SHARE, Unresolved,
-    compared, fineness, largest, unresolved_error,
-};
+use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
+use crate::numerics::channels::{largest, largest_difference};
+use crate::numerics::chebyshev::{Basis, Fit, Tile};
+use crate::numerics::polygon::Rectangle;
 use rayon::prelude::*;
 
 /// The most rings of the cubature over the bulb, and the share of the allowed error that it may
@@ -153,7 +152,7 @@ fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
 /// and the nodes of a tile are dense at its ends.
 fn first_tiles(frame: &Frame<'_>) -> Vec<Open> {
     let Rectangle { low, high } = frame.bounds();
-    let half = frame.stage.sample_half;
+    let half = frame.view.sample_half;
     let side = |x: f64| (x - frame.panel.panel.corner.x).clamp(low[0], high[0]);
     let ends = [low[0], side(-half), side(half), high[0]];
     ends.windows(2)
@@ -259,7 +258,7 @@ fn value(
     scratch: &mut Scratch,
 ) -> Value {
     let receiver = frame.receiver(at);
-    let centre = frame.sample.to_frame(frame.stage.bulb_centre);
+    let centre = frame.sample.to_frame(frame.view.bulb.centre);
     let rule = frame.sample.rule(&receiver, Some(centre), fineness(level));
     let Scratch { batch, sums } = scratch;
     batch.clear();
@@ -269,15 +268,15 @@ fn value(
         }
     }
     sums.resize(batch.blocks().len(), Default::default());
-    let stage = frame.stage;
+    let view = frame.view;
     let [cos, sin] = frame.sample.u_axis;
     let bulb = Bulb {
         centre,
-        radius2: stage.bulb_radius * stage.bulb_radius,
-        radiance: stage.bulb_radiance,
+        radius2: view.bulb.radius * view.bulb.radius,
+        radiance: view.bulb.radiance,
         x_axis: [cos, -sin],
     };
-    let instructions = stage.instructions;
+    let instructions = view.instructions;
     from_bulb(
         instructions,
         batch,

@@ -4,10 +4,10 @@
 //! v = nearest + delta sinh s, about the point of the sample nearest to the receiver, and is parted
 //! at the square's corners; [`super::transfer`] integrates along each line.
 
-use super::super::elementary::{asinh, exp};
-use super::super::gauss::{GaussRule, POINTS_MAX};
-use super::super::slopes::Fineness;
 use super::transfer::{Along, Receiver};
+use crate::numerics::elementary::{asinh, exp};
+use crate::numerics::gauss::{GaussRule, POINTS_MAX};
+use crate::numerics::tolerance::Fineness;
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
 

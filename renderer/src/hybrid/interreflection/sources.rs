@@ -1,7 +1,7 @@
 //! Point sources that stand for the bulb and for the chart.
 
-use super::super::chart::Panel;
-use super::super::gauss::GaussRule;
+use crate::numerics::gauss::GaussRule;
+use crate::scene::Panel;
 use std::f64::consts::PI;
 
 /// The finest division of a patch: 2 to this power along either side.

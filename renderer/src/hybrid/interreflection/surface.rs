@@ -1,6 +1,6 @@
 //! The sample's reflectance as the kernels of interreflection see it.
 
-use super::super::elementary::{exp, log1p};
+use crate::numerics::elementary::{exp, log1p};
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 use dataset::specification::Tint;

@@ -1,9 +1,10 @@
 //! The bounds against brute force, in geometries drawn at random.
 
-use super::Frame;
 use super::bound::Bounds;
+use super::frame::Frame;
 use crate::geometry::BackendChoice;
 use crate::hybrid::Stage;
+use crate::numerics::channels::largest;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
 use crate::vector::Vec3;
@@ -34,12 +35,12 @@ fn specification(tilt_deg: f64, light_deg: f64, gap_m: f64, pitch_m: f64) -> Spe
 /// Irradiance over pi at a point of the chart by the bulb's centre alone, and the factor from the
 /// radiance of the chart, by midpoint rules.
 fn brute_force(frame: &Frame<'_>, reflectance: &Reflectance, at: [f64; 2]) -> [f64; 2] {
-    let stage = frame.stage;
+    let view = frame.view;
     let normal = frame.panel.panel.z;
     let [width, height] = frame.panel.panel.size();
     let receiver = frame.panel.panel.point(at[0], at[1]);
     let step = |index: usize| (index as f64 + 0.5) / TRIED as f64;
-    let side = 2.0 * stage.sample_half;
+    let side = 2.0 * view.sample_half;
     let cell = side / TRIED as f64;
     let patch = width * height / (TRIED * TRIED) as f64;
     let (mut order_1, mut transfer) = (0.0, 0.0);
@@ -56,17 +57,17 @@ fn brute_force(frame: &Frame<'_>, reflectance: &Reflectance, at: [f64; 2]) -> [f
         if form <= 0.0 || to.length_squared() < 9.0 * cell * cell {
             continue;
         }
-        let bulb = stage.bulb_centre - from;
-        let sin2 = stage.bulb_radius * stage.bulb_radius / bulb.length_squared();
+        let bulb = view.bulb.centre - from;
+        let sin2 = view.bulb.radius * view.bulb.radius / bulb.length_squared();
         let wi = bulb.normalized();
-        let light = stage.bulb_radiance * std::f64::consts::PI * sin2 * wi.z;
-        order_1 += form * light * super::largest(reflectance.evaluate(wi, wo));
+        let light = view.bulb.radiance * std::f64::consts::PI * sin2 * wi.z;
+        order_1 += form * light * largest(reflectance.evaluate(wi, wo));
         for chart in 0..TRIED * TRIED {
             let at = [width * step(chart % TRIED), height * step(chart / TRIED)];
             let offset = frame.panel.panel.point(at[0], at[1]) - from;
             let wi = offset.normalized();
             let angle = patch * (-normal.dot(wi)).max(0.0) / offset.length_squared();
-            transfer += form * angle * wi.z * super::largest(reflectance.evaluate(wi, wo));
+            transfer += form * angle * wi.z * largest(reflectance.evaluate(wi, wo));
         }
     }
     [order_1, transfer]
@@ -92,7 +93,7 @@ proptest! {
             .expect("a view").expect("native geometry");
         let Some(stage) = Stage::new(&scene, &specification) else { return Ok(()) };
         let Some(panel) = stage.panel.as_ref() else { return Ok(()) };
-        let frame = Frame::new(&stage, panel, &reflectance);
+        let frame = Frame::new(&stage.view, panel, &reflectance);
         let bounds = Bounds::new(&frame, &reflectance);
         let [width, height] = panel.panel.size();
         for (a, b) in [(0.1, 0.05), (0.5, 0.3), (0.5, 0.9), (0.9, 0.6)] {

@@ -6,11 +6,11 @@
 //! the receiver comes to the sample. Where the lobe is narrow along u, the rule covers only the
 //! part of the line that the lobe reaches, whose middle is the one root of h_u.
 
-use super::super::batch::{Batch, LANES};
-use super::super::elementary::{asinh, exp, log1p};
-use super::super::gauss::GaussRule;
 use super::surface::Surface;
-use crate::instructions::kernel;
+use crate::numerics::batch::{Batch, LANES};
+use crate::numerics::elementary::{asinh, exp, log1p};
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::instructions::kernel;
 use crate::reflectance::fresnel;
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_1_PI, PI};

@@ -1,0 +1,37 @@
+//! The film while light is added to it.
+
+use super::FilmPixel;
+use crate::numerics::channels::add_scaled;
+use crate::numerics::polygon::Rectangle;
+
+/// The film as it is summed up: row by row.
+pub struct Canvas<'a> {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Values and bounds of their errors.
+    pub pixels: &'a mut [FilmPixel],
+}
+
+impl Canvas<'_> {
+    /// The whole film.
+    pub fn bounds(&self) -> Rectangle {
+        Rectangle {
+            low: [0.0; 2],
+            high: [f64::from(self.width), f64::from(self.height)],
+        }
+    }
+
+    /// A pixel's value so far.
+    pub fn value(&self, (column, row): (u32, u32)) -> [f64; 3] {
+        self.pixels[(row * self.width + column) as usize].value
+    }
+
+    /// Adds to a pixel.
+    pub fn add(&mut self, (column, row): (u32, u32), value: [f64; 3], error: f64) {
+        let place = &mut self.pixels[(row * self.width + column) as usize];
+        add_scaled(&mut place.value, value, 1.0);
+        place.error += error;
+    }
+}

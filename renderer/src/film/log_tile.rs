@@ -1,0 +1,384 @@
+//! A positive function on a rectangle of the film: exp(G) times a tint, where G and the tint's
+//! channels are products of Chebyshev series.
+//!
+//! A glossy lobe's tail falls by orders of magnitude over a few pixels while its logarithm is
+//! nearly a parabola. So a tile of the logarithm spans what many tiles of the function would.
+
+use crate::numerics::batch::LANES;
+use crate::numerics::elementary::exp;
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::instructions::{Instructions, kernel};
+use crate::numerics::polygon::{Polygon, Rectangle};
+use std::f64::consts::PI;
+
+/// Terms of the series along each side of a tile.
+pub const TERMS: usize = 10;
+
+/// The logarithm and the three channels of the tint.
+const PARTS: usize = 4;
+
+/// The last terms along a side, by which what the series leaves out is judged, and the share of
+/// them that it leaves out less than: see `chebyshev.rs`.
+const TAIL: usize = 2;
+const LEFT_OUT: f64 = 0.4;
+
+/// The most Gauss points along a side of a pixel.
+pub const POINTS_MAX: usize = 12;
+
+/// Above this the logarithm is cut: far above any radiance, far below what overflows.
+pub const LOG_MAX: f64 = 300.0;
+
+/// The value of a positive function by its logarithm: exp(`log`) `tint`.
+#[derive(Clone, Copy, Debug)]
+pub struct TintedLog {
+    /// The logarithm of the part that all channels share.
+    pub log: f64,
+    /// What each channel multiplies it by, 0 to 1.
+    pub tint: [f64; 3],
+}
+
+/// A function on a rectangle: `coefficients[part][j][i]` times T_i along columns times T_j along
+/// rows.
+pub struct LogTile {
+    rectangle: Rectangle,
+    coefficients: [[[f64; TERMS]; TERMS]; PARTS],
+}
+
+/// What the fit of a tile tells of it.
+#[derive(Clone, Copy, Debug)]
+pub struct LogFit {
+    /// A bound of the relative error of the largest channel, as far as the series goes.
+    pub error: f64,
+    /// The part of it along columns and along rows.
+    pub tails: [f64; 2],
+    /// A bound of the function.
+    pub most: f64,
+    /// How much the logarithm changes along columns and along rows, a pixel.
+    pub slopes: [f64; 2],
+    /// How much that slope changes, a pixel.
+    pub curvatures: [f64; 2],
+}
+
+/// The nodes of a tile and the series through values at them.
+pub struct LogBasis {
+    points: [f64; TERMS],
+    transform: [[f64; TERMS]; TERMS],
+}
+
+impl LogBasis {
+    /// The basis.
+    pub fn new() -> Self {
+        let count = TERMS as f64;
+        let cosine = |multiple: usize| libm::cos(0.5 * PI * multiple as f64 / count);
+        Self {
+            points: std::array::from_fn(|k| cosine(2 * k + 1)),
+            transform: std::array::from_fn(|i| {
+                let scale = if i == 0 { 1.0 } else { 2.0 } / count;
+                std::array::from_fn(|k| scale * cosine(i * (2 * k + 1)))
+            }),
+        }
+    }
+
+    /// The nodes of a rectangle, row by row.
+    pub fn nodes(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
+        let (Rectangle { low, high }, points) = (*rectangle, self.points);
+        let at = move |axis: usize, point: f64| {
+            0.5 * (low[axis] + high[axis]) + 0.5 * (high[axis] - low[axis]) * point
+        };
+        points
+            .into_iter()
+            .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
+    }
+
+    /// Interpolates a function of these values at [`LogBasis::nodes`].
+    pub fn fit(
+        &self,
+        rectangle: Rectangle,
+        at_nodes: impl Iterator<Item = TintedLog>,
+    ) -> (LogTile, LogFit) {
+        let mut values = [[[0.0; TERMS]; TERMS]; PARTS];
+        let (mut brightest, mut faintest, mut highest) = (0.0f64, 1.0f64, f64::NEG_INFINITY);
+        for (index, TintedLog { log, tint }) in at_nodes.enumerate() {
+            let (row, column) = (index / TERMS, index % TERMS);
+            for (part, value) in values.iter_mut().zip([log, tint[0], tint[1], tint[2]]) {
+                part[row][column] = value;
+            }
+            let largest = tint[0].max(tint[1]).max(tint[2]);
+            (brightest, faintest) = (brightest.max(largest), faintest.min(largest));
+            highest = highest.max(log);
+        }
+        let coefficients = values.each_ref().map(|part| self.transformed(part));
+        let tile = LogTile {
+            rectangle,
+            coefficients,
+        };
+        let left_out = coefficients.each_ref().map(left_out);
+        let log_error = left_out[0].0;
+        let mut tails = left_out[0].1;
+        let mut error = log_error;
+        if brightest > 0.0 {
+            let tint_error = left_out[1..].iter().map(|part| part.0).fold(0.0, f64::max);
+            let faintest = faintest.max(f64::MIN_POSITIVE);
+            error += tint_error / faintest;
+            for (_, [columns, rows]) in &left_out[1..] {
+                tails[0] += columns / faintest;
+                tails[1] += rows / faintest;
+            }
+        }
+        let sides = rectangle.sides();
+        let steepest = [0, 1].map(|axis| self.steepest(&values[0], axis));
+        let fit = LogFit {
+            error,
+            tails,
+            most: brightest * libm::exp((highest + log_error).min(LOG_MAX)),
+            slopes: [0, 1].map(|axis| steepest[axis][0] * 2.0 / sides[axis]),
+            curvatures: [0, 1].map(|axis| steepest[axis][1] * 4.0 / (sides[axis] * sides[axis])),
+        };
+        (tile, fit)
+    }
+
+    fn transformed(&self, values: &[[f64; TERMS]; TERMS]) -> [[f64; TERMS]; TERMS] {
+        let mut lines = [[0.0; TERMS]; TERMS];
+        for (line, from) in lines.iter_mut().zip(values) {
+            for (sum, transform) in line.iter_mut().zip(&self.transform) {
+                for (value, factor) in from.iter().zip(transform) {
+                    *sum += value * factor;
+                }
+            }
+        }
+        let mut coefficients = [[0.0; TERMS]; TERMS];
+        for (into, transform) in coefficients.iter_mut().zip(&self.transform) {
+            for (line, factor) in lines.iter().zip(transform) {
+                for (sum, value) in into.iter_mut().zip(line) {
+                    *sum += value * factor;
+                }
+            }
+        }
+        coefficients
+    }
+
+    /// The steepest slope and the largest curvature between neighbouring nodes along an axis, on
+    /// [-1, 1].
+    fn steepest(&self, values: &[[f64; TERMS]; TERMS], axis: usize) -> [f64; 2] {
+        let (mut steepest, mut bent) = (0.0f64, 0.0f64);
+        for (other, line) in values.iter().enumerate() {
+            let value = |k: usize| match axis {
+                0 => line[k],
+                _ => values[k][other],
+            };
+            let slope = |k: usize| {
+                let step = self.points[k] - self.points[k - 1];
+                (value(k) - value(k - 1)) / step
+            };
+            for k in 1..TERMS {
+                steepest = steepest.max(slope(k).abs());
+            }
+            for k in 2..TERMS {
+                let between = 0.5 * (self.points[k] - self.points[k - 2]).abs();
+                bent = bent.max((slope(k) - slope(k - 1)).abs() / between);
+            }
+        }
+        [steepest, bent]
+    }
+}
+
+/// What a series leaves out, by its last coefficients, and those along columns and along rows.
+fn left_out(coefficients: &[[f64; TERMS]; TERMS]) -> (f64, [f64; 2]) {
+    let (mut error, mut tails) = (0.0, [0.0; 2]);
+    for (j, line) in coefficients.iter().enumerate() {
+        for (i, coefficient) in line.iter().enumerate() {
+            let size = coefficient.abs();
+            let last = [i, j].map(|index| index >= TERMS - TAIL);
+            for (tail, last) in tails.iter_mut().zip(last) {
+                *tail += if last { size } else { 0.0 };
+            }
+            error += if last[0] || last[1] { size } else { 0.0 };
+        }
+    }
+    (LEFT_OUT * error, tails)
+}
+
+/// Gauss points along a pixel over which the logarithm of a function changes by `change`, for a
+/// relative error of `tolerance`; `None` if more than [`POINTS_MAX`]. For exp(k x) the rule of n
+/// points misses k^(2n) (n!)^4 / ((2n+1) ((2n)!)^3).
+pub fn points_for_change(change: f64, tolerance: f64) -> Option<usize> {
+    let mut missed = 1.0;
+    for n in 1..=POINTS_MAX {
+        let count = n as f64;
+        let pair = 2.0 * count * (2.0 * count - 1.0);
+        // From n - 1 to n, but for the factor of 2n + 1.
+        missed *= change * change * count * count * count * count / (pair * pair * pair);
+        if missed <= tolerance * (2.0 * count + 1.0) {
+            return Some(n);
+        }
+    }
+    None
+}
+
+kernel! {
+    /// Adds a row of points to the sums of their columns: `weight` times the function. `lines`
+    /// holds for each block of columns the coefficients along it of every part, `rows` the
+    /// polynomials at the row.
+    pub fn add_row(
+        lines: &[[[f64; LANES]; PARTS * TERMS]],
+        rows: &[f64; TERMS],
+        weight: f64,
+        sums: &mut [[[f64; LANES]; 3]],
+    ) {
+        for (lines, sums) in lines.iter().zip(sums) {
+            let mut parts = [[0.0; LANES]; PARTS];
+            for (part, lines) in parts.iter_mut().zip(lines.as_chunks::<TERMS>().0) {
+                for (line, row) in lines.iter().zip(rows) {
+                    for i in 0..LANES {
+                        part[i] += line[i] * row;
+                    }
+                }
+            }
+            for i in 0..LANES {
+                let log = if parts[0][i] < LOG_MAX { parts[0][i] } else { LOG_MAX };
+                let value = weight * exp(log);
+                sums[0][i] += value * parts[1][i];
+                sums[1][i] += value * parts[2][i];
+                sums[2][i] += value * parts[3][i];
+            }
+        }
+    }
+}
+
+/// Buffers for the integrals over a tile's pixels.
+#[derive(Default)]
+pub struct PixelSums {
+    lines: Vec<[[f64; LANES]; PARTS * TERMS]>,
+    sums: Vec<[[f64; LANES]; 3]>,
+}
+
+impl LogTile {
+    /// Visits the pixels of the tile that meet `outline`, with the integral over what is covered:
+    /// `points` Gauss points along columns and along rows.
+    pub fn for_each_pixel(
+        &self,
+        outline: &Polygon,
+        points: [usize; 2],
+        instructions: Instructions,
+        buffers: &mut PixelSums,
+        mut visit: impl FnMut((u32, u32), [f64; 3]),
+    ) {
+        let rules = points.map(GaussRule::of);
+        let edges = [0, 1].map(|axis| self.rectangle.pixel_edges(axis));
+        let [column, row] = self.rectangle.low.map(|low| low.floor() as u32);
+        self.contract_columns(&edges[0], rules[0], buffers);
+        for (row, along) in (row..).zip(edges[1].windows(2)) {
+            let (low, high) = (along[0], along[1]);
+            let PixelSums { lines, sums } = &mut *buffers;
+            sums.clear();
+            sums.resize(lines.len(), [[0.0; LANES]; 3]);
+            for (y, weight) in rules[1].on(low, high) {
+                let rows = chebyshev(self.local(1, y));
+                add_row(instructions, lines, &rows, weight, sums);
+            }
+            for (index, across) in edges[0].windows(2).enumerate() {
+                let cell = Rectangle {
+                    low: [across[0], low],
+                    high: [across[1], high],
+                };
+                let place = (column + index as u32, row);
+                if outline.contains(&cell) {
+                    let weights = rules[0].on(across[0], across[1]);
+                    let mut value = [0.0; 3];
+                    for (at, (_, weight)) in (index * points[0]..).zip(weights) {
+                        let sums = &sums[at / LANES];
+                        for channel in 0..3 {
+                            value[channel] += weight * sums[channel][at % LANES];
+                        }
+                    }
+                    visit(place, value);
+                } else {
+                    let covered = outline.clipped(&cell);
+                    if !covered.is_empty() {
+                        visit(place, self.integral_over(&covered, rules));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The coefficients along every column of points.
+    fn contract_columns(&self, edges: &[f64], rule: &GaussRule, buffers: &mut PixelSums) {
+        let lines = &mut buffers.lines;
+        lines.clear();
+        let nodes = edges.windows(2).flat_map(|pair| rule.on(pair[0], pair[1]));
+        for (at, (x, _)) in nodes.enumerate() {
+            if at % LANES == 0 {
+                lines.push([[0.0; LANES]; PARTS * TERMS]);
+            }
+            let line = self.contracted(x);
+            if let Some(block) = lines.last_mut() {
+                for (lanes, value) in block.iter_mut().zip(line.as_flattened()) {
+                    lanes[at % LANES] = *value;
+                }
+            }
+        }
+    }
+
+    /// The coefficients along the column x.
+    fn contracted(&self, x: f64) -> [[f64; TERMS]; PARTS] {
+        let columns = chebyshev(self.local(0, x));
+        self.coefficients.each_ref().map(|part| {
+            part.each_ref().map(|line| {
+                let mut sum = 0.0;
+                for (coefficient, factor) in line.iter().zip(&columns) {
+                    sum += coefficient * factor;
+                }
+                sum
+            })
+        })
+    }
+
+    /// The integral over a polygon inside a pixel, by chords between its corners' columns.
+    fn integral_over(&self, polygon: &Polygon, rules: [&GaussRule; 2]) -> [f64; 3] {
+        let mut breaks: Vec<f64> = polygon.corners().iter().map(|corner| corner[0]).collect();
+        breaks.sort_unstable_by(f64::total_cmp);
+        let mut sum = [0.0; 3];
+        for pair in breaks.windows(2) {
+            if pair[0] >= pair[1] {
+                continue;
+            }
+            for (x, across) in rules[0].on(pair[0], pair[1]) {
+                let Some([low, high]) = polygon.chord(0, x) else {
+                    continue;
+                };
+                let line = self.contracted(x);
+                for (y, along) in rules[1].on(low, high) {
+                    let rows = chebyshev(self.local(1, y));
+                    let parts = line.each_ref().map(|part| {
+                        let mut sum = 0.0;
+                        for (coefficient, factor) in part.iter().zip(&rows) {
+                            sum += coefficient * factor;
+                        }
+                        sum
+                    });
+                    let value = across * along * exp(parts[0].min(LOG_MAX));
+                    for channel in 0..3 {
+                        sum[channel] += value * parts[channel + 1];
+                    }
+                }
+            }
+        }
+        sum
+    }
+
+    fn local(&self, axis: usize, at: f64) -> f64 {
+        let Rectangle { low, high } = &self.rectangle;
+        (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
+    }
+}
+
+/// T_0, T_1, ... at x.
+fn chebyshev(x: f64) -> [f64; TERMS] {
+    let mut values = [1.0; TERMS];
+    values[1] = x;
+    for i in 2..TERMS {
+        values[i] = 2.0 * x * values[i - 1] - values[i - 2];
+    }
+    values
+}

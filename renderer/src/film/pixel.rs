@@ -1,0 +1,88 @@
+//! One pixel of a function that is not smooth on it: nested adaptive quadrature.
+
+use crate::numerics::channels::{add_scaled, largest_difference};
+use crate::numerics::gauss::KRONROD;
+use crate::numerics::polygon::Polygon;
+
+/// Halvings of a line across a pixel: edges of 1/4,000 of a pixel are resolved.
+const HALVINGS_MAX: u32 = 12;
+
+/// Points of a line across a pixel after which it is halved no more: what is left out then shows in
+/// the error.
+const LINE_POINTS_MAX: u32 = 600;
+
+/// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
+/// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
+/// function changes faster.
+pub fn integrate(
+    polygon: &Polygon,
+    axis: usize,
+    tolerance: f64,
+    mut function: impl FnMut(f64, f64) -> [f64; 3],
+) -> ([f64; 3], f64) {
+    let across = 1 - axis;
+    // Between the corners' coordinates the chords change smoothly.
+    let mut breaks: Vec<f64> = polygon
+        .corners()
+        .iter()
+        .map(|corner| corner[across])
+        .collect();
+    breaks.sort_unstable_by(f64::total_cmp);
+    let (mut total, mut error) = ([0.0; 3], 0.0);
+    for pair in breaks.windows(2) {
+        let (low, high) = (pair[0], pair[1]);
+        if low >= high {
+            continue;
+        }
+        let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
+        let mut line_error = 0.0;
+        for (node, kronrod, gauss) in KRONROD {
+            let at = 0.5 * (low + high) + 0.5 * (high - low) * node;
+            let Some([from, to]) = polygon.chord(across, at) else {
+                continue;
+            };
+            let along = |position: f64| match axis {
+                0 => function(position, at),
+                _ => function(at, position),
+            };
+            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance);
+            let half = 0.5 * (high - low);
+            add_scaled(&mut fine, line, half * kronrod);
+            add_scaled(&mut coarse, line, half * gauss);
+            line_error += half * kronrod * missed;
+        }
+        add_scaled(&mut total, fine, 1.0);
+        error += line_error + largest_difference(fine, coarse);
+    }
+    (total, error)
+}
+
+/// The integral along a line by halving where 7 and 15 points disagree, and their disagreement.
+fn line_integral(
+    mut function: impl FnMut(f64) -> [f64; 3],
+    from: f64,
+    to: f64,
+    tolerance: f64,
+) -> ([f64; 3], f64) {
+    let (mut total, mut error) = ([0.0; 3], 0.0);
+    let mut open = vec![(from, to, 0)];
+    let mut points = 0;
+    while let Some((low, high, depth)) = open.pop() {
+        let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        for (node, kronrod, gauss) in KRONROD {
+            let value = function(middle + half * node);
+            add_scaled(&mut fine, value, half * kronrod);
+            add_scaled(&mut coarse, value, half * gauss);
+        }
+        let missed = largest_difference(fine, coarse);
+        points += KRONROD.len() as u32;
+        if missed > tolerance && depth < HALVINGS_MAX && points < LINE_POINTS_MAX {
+            open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
+            continue;
+        }
+        add_scaled(&mut total, fine, 1.0);
+        error += missed;
+    }
+    (total, error)
+}

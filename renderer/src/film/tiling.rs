@@ -1,0 +1,456 @@
+//! Integrals over pixels of a function that is smooth on most of the film.
+//!
+//! The film is tiled by rectangles on each of which the function is a product of Chebyshev series,
+//! halved until the last coefficients vanish against the target. A box-filtered pixel is then the
+//! integral of a polynomial, in closed form, and one that the outline cuts the integral over the
+//! covered polygon. A pixel on which even a tile of its own does not do is integrated by adaptive
+//! quadrature.
+
+use super::canvas::Canvas;
+use super::{FilmPixel, pixel, target};
+use crate::numerics::channels::largest_difference;
+use crate::numerics::chebyshev::{Basis, Tile};
+use crate::numerics::polygon::{Polygon, Rectangle};
+use crate::numerics::tolerance::Fineness;
+use dataset::specification::Accuracy;
+use rayon::prelude::*;
+
+/// Terms of the series along each side of a tile.
+const TERMS: usize = 8;
+
+/// The share of what is allowed that the rule at a tile's middle may miss.
+const RULE_SHARE: f64 = 0.1;
+
+/// What a tile is off by at its corners, where it is worst, counts by this share.
+const CORNER_SHARE: f64 = 0.25;
+
+/// Tiles that are worked out between two looks at the limit on evaluations.
+const TILES_A_LOOK: usize = 32;
+
+/// The narrowest tile that spans several pixels the other way.
+const STRIP_MIN: f64 = 0.125;
+
+/// A part of the outline that multiplies the function.
+pub struct Region {
+    /// Where.
+    pub outline: Polygon,
+    /// By what, a channel.
+    pub factor: [f64; 3],
+}
+
+/// What a function asks of its tiling.
+pub struct Demand<'a> {
+    /// The target for what is added to a pixel.
+    pub accuracy: &'a Accuracy,
+    /// What is too faint to matter: its target after half of all evaluations are spent.
+    pub faint: f64,
+    /// The side in pixels of a tile that cannot overlook a feature of the function.
+    pub side_max: f64,
+    /// Evaluations after which nothing is refined any more.
+    pub evaluations_max: u64,
+    /// How fine the function is worked out.
+    pub fineness: Fineness,
+    /// What the function may be off by besides.
+    pub function_error: f64,
+}
+
+/// A function of the film. What it works with is kept from call to call.
+pub trait Shade: Sync {
+    /// Buffers.
+    type Scratch: Default;
+
+    /// The function at (column, row) and how many evaluations of the reflectance it took.
+    fn at(
+        &self,
+        scratch: &mut Self::Scratch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> ([f64; 3], u32);
+
+    /// What the function is off by at a place because of what it is told of the light, and
+    /// evaluations.
+    fn light_error(
+        &self,
+        _scratch: &mut Self::Scratch,
+        _place: [f64; 2],
+        _fineness: Fineness,
+    ) -> (f64, u32) {
+        (0.0, 0)
+    }
+}
+
+/// Adds the integrals of `shade` over the pixels of the regions, which lie inside `outline`.
+/// Returns how many evaluations it took.
+pub fn integrate<S: Shade>(
+    canvas: &mut Canvas<'_>,
+    outline: &Polygon,
+    regions: &[Region],
+    demand: &Demand<'_>,
+    shade: &S,
+) -> u64 {
+    let Some(bounds) = outline.bounds().intersection(&canvas.bounds()) else {
+        return 0;
+    };
+    let tiling = Tiling {
+        before: Brightness::of(canvas),
+        outline,
+        regions,
+        demand,
+        shade,
+        basis: Basis::new(),
+        gain: regions
+            .iter()
+            .flat_map(|region| region.factor)
+            .fold(0.0, f64::max),
+    };
+    let mut open = roots(bounds, demand.side_max.max(1.0));
+    let mut evaluations = 0;
+    // All tiles of a size come before any smaller one, so that evaluations run out everywhere at
+    // once. The limit is looked at after a fixed number of tiles, whatever the schedule of threads.
+    while !open.is_empty() {
+        let mut smaller = Vec::new();
+        for tiles in open.chunks(TILES_A_LOOK) {
+            let effort = Effort::after(evaluations, demand.evaluations_max);
+            let grown: Vec<(Growth, u64)> = tiles
+                .par_iter()
+                .map_init(S::Scratch::default, |scratch, rectangle| {
+                    tiling.grow(rectangle, effort, scratch)
+                })
+                .collect();
+            for (growth, spent) in grown {
+                evaluations += spent;
+                match growth {
+                    Growth::Nothing => {}
+                    Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
+                    Growth::Pixel(cell, parts) => {
+                        for (region, (value, error)) in regions.iter().zip(parts) {
+                            add_region(canvas, &cell, region, value, error);
+                        }
+                    }
+                    Growth::Halves(halves) => smaller.extend(halves),
+                }
+            }
+        }
+        open = smaller;
+    }
+    evaluations
+}
+
+/// A rectangle cut into parts whose sides are at most `side_max`.
+pub fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
+    let (mut open, mut roots) = (vec![rectangle], Vec::new());
+    while let Some(rectangle) = open.pop() {
+        let sides = rectangle.sides();
+        let longest = usize::from(sides[1] > sides[0]);
+        if sides[longest] > side_max {
+            open.extend(rectangle.halves(longest));
+        } else {
+            roots.push(rectangle);
+        }
+    }
+    roots
+}
+
+/// What a rectangle of the film came to.
+enum Growth {
+    /// Nothing of the outline is on it.
+    Nothing,
+    /// A series and the error of the function.
+    Tile(Box<Tile<TERMS>>, f64),
+    /// For each region the integral over what it covers, and its error.
+    Pixel(Rectangle, Vec<([f64; 3], f64)>),
+    /// The function is not smooth on it.
+    Halves([Rectangle; 2]),
+}
+
+/// How hard to try, by what has been spent.
+#[derive(Clone, Copy, PartialEq)]
+enum Effort {
+    /// Everything is refined that its target asks for.
+    Full,
+    /// What is too faint to matter is not.
+    Less,
+    /// Nothing is refined any more.
+    None,
+}
+
+impl Effort {
+    fn after(spent: u64, most: u64) -> Self {
+        if spent >= most {
+            Self::None
+        } else if spent >= most / 2 {
+            Self::Less
+        } else {
+            Self::Full
+        }
+    }
+}
+
+/// The largest channel of every pixel, row by row.
+struct Brightness {
+    width: u32,
+    pixels: Vec<f64>,
+}
+
+impl Brightness {
+    fn of(canvas: &Canvas<'_>) -> Self {
+        let brightest = |pixel: &FilmPixel| {
+            let [r, g, b] = pixel.value;
+            r.max(g).max(b)
+        };
+        Self {
+            width: canvas.width,
+            pixels: canvas.pixels.iter().map(brightest).collect(),
+        }
+    }
+
+    /// The least of the pixels of a rectangle that lie inside an outline.
+    fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
+        let least = rectangle
+            .pixels()
+            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
+            .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
+            .fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 0.0 }
+    }
+}
+
+/// The function on a row and a column of a tile's nodes, where it is looked at first.
+struct Cross {
+    row: [[f64; 3]; TERMS],
+    column: [[f64; 3]; TERMS],
+}
+
+impl Cross {
+    /// The row and the column that cross.
+    const AT: usize = TERMS / 2;
+
+    fn of<S: Shade>(
+        shade: &S,
+        nodes: &[[f64; 2]],
+        fineness: Fineness,
+        scratch: &mut S::Scratch,
+        spent: &mut u64,
+    ) -> Self {
+        let mut at = |index: usize| {
+            let (value, evaluations) = shade.at(scratch, nodes[index], fineness);
+            *spent += u64::from(evaluations);
+            value
+        };
+        let row: [_; TERMS] = std::array::from_fn(|i| at(Self::AT * TERMS + i));
+        let column = std::array::from_fn(|j| {
+            if j == Self::AT {
+                row[Self::AT]
+            } else {
+                at(j * TERMS + Self::AT)
+            }
+        });
+        Self { row, column }
+    }
+
+    /// The value at a node that it holds.
+    fn value(&self, index: usize) -> Option<[f64; 3]> {
+        let (j, i) = (index / TERMS, index % TERMS);
+        if j == Self::AT {
+            Some(self.row[i])
+        } else if i == Self::AT {
+            Some(self.column[j])
+        } else {
+            None
+        }
+    }
+
+    /// The least of the nodes' largest channels.
+    fn least(&self) -> f64 {
+        let values = self.row.iter().chain(&self.column);
+        values
+            .map(|[r, g, b]| r.max(*g).max(*b))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+struct Tiling<'a, S> {
+    /// The film as it was.
+    before: Brightness,
+    outline: &'a Polygon,
+    regions: &'a [Region],
+    demand: &'a Demand<'a>,
+    shade: &'a S,
+    basis: Basis<TERMS>,
+    gain: f64,
+}
+
+impl<S: Shade> Tiling<'_, S> {
+    /// Works out a rectangle, or halves it where the function is not smooth; also counts
+    /// evaluations.
+    fn grow(
+        &self,
+        rectangle: &Rectangle,
+        effort: Effort,
+        scratch: &mut S::Scratch,
+    ) -> (Growth, u64) {
+        if self.outline.clipped(rectangle).is_empty() {
+            return (Growth::Nothing, 0);
+        }
+        let demand = self.demand;
+        let mut spent = 0;
+        // What was added before counts: a pixel's target is for all of it.
+        let before = self.before.least(rectangle, self.outline);
+        let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
+        let cross = Cross::of(self.shade, &nodes, demand.fineness, scratch, &mut spent);
+        if effort != Effort::None {
+            let allowed = self.allowed(before + self.gain * cross.least(), effort);
+            let tails = self.basis.cross_tails(&cross.row, &cross.column);
+            let steep = usize::from(tails[1] > tails[0]);
+            if tails[steep] > allowed
+                && let Some(axis) = axis_to_halve(rectangle, steep)
+            {
+                return (Growth::Halves(rectangle.halves(axis)), spent);
+            }
+        }
+        let (fineness, missed) = self.rule(rectangle, before, effort, scratch, &mut spent);
+        let mut evaluate = |place: [f64; 2], fineness: Fineness| {
+            let (value, evaluations) = self.shade.at(scratch, place, fineness);
+            spent += u64::from(evaluations);
+            value
+        };
+        let values = nodes
+            .iter()
+            .enumerate()
+            .map(|(index, node)| match cross.value(index) {
+                Some(value) if !fineness.is_finer_than(demand.fineness) => value,
+                _ => evaluate(*node, fineness),
+            });
+        let (tile, fit) = self.basis.fit(*rectangle, values);
+        let allowed = self.allowed(before + self.gain * fit.least, effort);
+        // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
+        // there shows at the corners.
+        let off_corners = rectangle
+            .corners()
+            .map(|corner| {
+                let found = evaluate(corner, fineness);
+                largest_difference(found, tile.value(corner))
+            })
+            .into_iter()
+            .fold(0.0, f64::max);
+        let fit_error = fit.error.max(CORNER_SHARE * off_corners);
+        if fit_error <= allowed || effort == Effort::None {
+            return (Growth::Tile(Box::new(tile), fit_error + missed), spent);
+        }
+        let steep = usize::from(fit.tails[1] > fit.tails[0]);
+        if let Some(axis) = axis_to_halve(rectangle, steep) {
+            return (Growth::Halves(rectangle.halves(axis)), spent);
+        }
+        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
+        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        let allowed = self.allowed(before + self.gain * brightest, effort);
+        let parts = self
+            .regions
+            .iter()
+            .map(|region| {
+                let covered = region.outline.clipped(rectangle);
+                let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
+                    evaluate([column, row], fineness)
+                });
+                (value, error + missed * covered.area())
+            })
+            .collect();
+        (Growth::Pixel(*rectangle, parts), spent)
+    }
+
+    /// How fine the function has to be worked out on a rectangle, and what it may then be off by.
+    fn rule(
+        &self,
+        rectangle: &Rectangle,
+        before: f64,
+        effort: Effort,
+        scratch: &mut S::Scratch,
+        spent: &mut u64,
+    ) -> (Fineness, f64) {
+        let [low, high] = [rectangle.low, rectangle.high];
+        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        let mut fineness = self.demand.fineness;
+        let (light_error, first) = self.shade.light_error(scratch, middle, fineness);
+        *spent += u64::from(first);
+        let mut evaluate = |fineness: Fineness| {
+            let (value, evaluations) = self.shade.at(scratch, middle, fineness);
+            *spent += u64::from(evaluations);
+            value
+        };
+        // What a rule misses shows against a finer one.
+        let mut check = fineness.finer();
+        let mut fine = evaluate(check);
+        loop {
+            let missed = largest_difference(evaluate(fineness), fine);
+            let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
+            if missed <= RULE_SHARE * self.allowed(brightness, effort) || fineness.is_finest() {
+                return (fineness, missed + self.demand.function_error + light_error);
+            }
+            fineness = fineness.little_finer(check);
+            if fineness.is_check() {
+                check = fineness.finer();
+                fine = evaluate(check);
+            }
+        }
+    }
+
+    /// The error allowed to the function where a pixel is so bright.
+    fn allowed(&self, brightness: f64, effort: Effort) -> f64 {
+        let allowed = target(self.demand.accuracy, [brightness; 3]);
+        let faint = match effort {
+            Effort::Full => 0.0,
+            Effort::Less | Effort::None => self.demand.faint,
+        };
+        allowed.max(faint) / self.gain
+    }
+}
+
+/// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a
+/// pixel where that saves halving the other, which changes little over several pixels. None for a
+/// part of one pixel.
+fn axis_to_halve(rectangle: &Rectangle, steep: usize) -> Option<usize> {
+    let (sides, other) = (rectangle.sides(), 1 - steep);
+    if rectangle.spans_pixels(steep) || (sides[other] > 2.0 && sides[steep] > STRIP_MIN) {
+        Some(steep)
+    } else if rectangle.spans_pixels(other) {
+        Some(other)
+    } else {
+        None
+    }
+}
+
+fn add_tile(canvas: &mut Canvas<'_>, tile: &Tile<TERMS>, error: f64, regions: &[Region]) {
+    let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
+    let integrals = tile.cell_integrals(&columns, &rows);
+    let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
+    for region in regions {
+        let Some(shared) = region.outline.bounds().intersection(&tile.rectangle) else {
+            continue;
+        };
+        for (column, row) in shared.pixels() {
+            let Some(cell) = Rectangle::pixel(column, row).intersection(&tile.rectangle) else {
+                continue;
+            };
+            let (value, area) = if region.outline.contains(&cell) {
+                let at = [column - first_column, row - first_row].map(|index| index as usize);
+                (integrals.at(at[0], at[1]), cell.area())
+            } else {
+                tile.integral_over(&region.outline.clipped(&cell))
+            };
+            add_region(canvas, &cell, region, value, error * area);
+        }
+    }
+}
+
+fn add_region(
+    canvas: &mut Canvas<'_>,
+    cell: &Rectangle,
+    region: &Region,
+    value: [f64; 3],
+    error: f64,
+) {
+    let place = (cell.low[0] as u32, cell.low[1] as u32);
+    let gain = region.factor.into_iter().fold(0.0, f64::max);
+    let scaled = std::array::from_fn(|channel| region.factor[channel] * value[channel]);
+    canvas.add(place, scaled, gain * error);
+}

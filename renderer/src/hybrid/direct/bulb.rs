@@ -1,0 +1,553 @@
+//! The bulb's light off the sample, by cubature in the slope plane.
+//!
+//! A half vector h is written by its slopes (p, q) = (h_u, h_v)/h_z in the frame of the lobe. The
+//! BRDF's denominator cancels the Jacobian of wi -> h -> (p, q), and what is left of the radiance
+//! toward the viewer is smooth and bounded:
+//!
+//! ```text
+//! L = Le Int_E  N/(2 pi) tint(cos_i, cos_o) min(1, cos_i/cos_o) (1+t)^(-3/2) (1+t)^(-e/2)  dp dq
+//! ```
+//!
+//! with t = p^2 + q^2, e = (n_u p^2 + n_v q^2)/t and N the lobe's normalization. E, the half
+//! vectors that see the bulb, is an ellipse. The narrow axis of the lobe is integrated outside;
+//! the other order loses digits.
+
+use crate::numerics::batch::{Batch, LANES, total};
+use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::instructions::{Instructions, kernel};
+use crate::numerics::tolerance::Fineness;
+use crate::reflectance::slope_plane::Slopes;
+use crate::reflectance::{Reflectance, TintResponse, fresnel};
+use crate::vector::Vec3;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Directions at a point of the sample, in the lobe's frame.
+#[derive(Clone, Copy, Debug)]
+pub struct BulbView {
+    /// To the viewer, unit.
+    pub wo: Vec3,
+    /// To the bulb's centre, unit.
+    pub centre: Vec3,
+    /// The squared sine of the bulb's half angle, (r/d)^2.
+    pub sin2: f64,
+}
+
+impl BulbView {
+    /// The middle of the half vectors that see the bulb, in slopes, and their half extents.
+    pub fn slopes(&self) -> [[f64; 2]; 2] {
+        let disc = Disc::new(&Ellipse::new(self));
+        [[disc.p, disc.q], [disc.radius, disc.height()]]
+    }
+}
+
+/// The half vectors that see the bulb: a11 x^2 + 2 a12 x y + a22 y^2 - 2 (b1 x + b2 y) <= c about
+/// the slopes of the bulb's centre. Written about that centre nothing cancels, however small the
+/// bulb.
+struct Ellipse {
+    centre: [f64; 2],
+    a11: f64,
+    a12: f64,
+    a22: f64,
+    b1: f64,
+    b2: f64,
+    c: f64,
+}
+
+impl Ellipse {
+    fn new(view: &BulbView) -> Self {
+        let BulbView { wo, centre, sin2 } = *view;
+        // One minus the cosine of the half angle.
+        let narrow = sin2 / (1.0 + (1.0 - sin2).sqrt());
+        let half = wo + centre;
+        let (p, q) = (half.x / half.z, half.y / half.z);
+        let base = 1.0 + wo.dot(centre) - narrow;
+        Self {
+            centre: [p, q],
+            a11: base - 2.0 * wo.x * centre.x,
+            a12: -(wo.x * centre.y + wo.y * centre.x),
+            a22: base - 2.0 * wo.y * centre.y,
+            b1: narrow * p,
+            b2: narrow * q,
+            c: narrow * (1.0 + p * p + q * q),
+        }
+    }
+
+    /// The middle of the least and largest x, and half their distance.
+    fn extent(&self) -> [f64; 2] {
+        let k2 = self.a11 * self.a22 - self.a12 * self.a12;
+        let k1 = self.a22 * self.b1 - self.a12 * self.b2;
+        let k0 = self.b2 * self.b2 + self.a22 * self.c;
+        [k1 / k2, (k1 * k1 + k2 * k0).max(0.0).sqrt() / k2]
+    }
+
+    /// The least and largest y at x.
+    fn chord(&self, x: f64) -> [f64; 2] {
+        let b = self.b2 - self.a12 * x;
+        let c = self.c - x * (self.a11 * x - 2.0 * self.b1);
+        let root = (b * b + self.a22 * c).max(0.0).sqrt();
+        [(b - root) / self.a22, (b + root) / self.a22]
+    }
+}
+
+/// A bulb of at most this half width in the slope plane may be small enough for few points.
+const SMALL: f64 = 0.1;
+
+/// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
+/// its value, times c^6.
+const DISC_ERROR: f64 = 5e-4;
+
+/// Radon's rule of degree 5 on the unit disc: the centre with a weight of 1/4, and a hexagon of
+/// radius sqrt(2/3), 1/8 each.
+const HEXAGON: [[f64; 2]; 6] = {
+    const RADIUS: f64 = 0.816_496_580_927_726;
+    const ACROSS: f64 = 0.707_106_781_186_547_5;
+    const ALONG: f64 = 0.5 * RADIUS;
+    [
+        [RADIUS, 0.0],
+        [ALONG, ACROSS],
+        [-ALONG, ACROSS],
+        [-RADIUS, 0.0],
+        [-ALONG, -ACROSS],
+        [ALONG, -ACROSS],
+    ]
+};
+
+/// Points of a cubature in the slope plane: p, q, the weight, and what is added to the lobe's
+/// exponent.
+pub type SlopeBatch = Batch<4>;
+
+kernel! {
+    /// The integrals of the integrand without its tint, times Fresnel's reflectance, and times what
+    /// that exceeds the tint's knee by.
+    pub fn integrals(
+        batch: &SlopeBatch,
+        wo: Vec3,
+        exponents: [f64; 2],
+        ior: f64,
+        knee: f64,
+    ) -> [f64; 3] {
+        let per_viewer = 1.0 / wo.z;
+        let mut sums = [[0.0; LANES]; 3];
+        for [p, q, weight, shift] in batch.blocks() {
+            let mut terms = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (p2, q2) = (p[i] * p[i], q[i] * q[i]);
+                let t = p2 + q2;
+                let inverse = 1.0 / (1.0 + t);
+                let cos_i = 2.0 * (wo.x * p[i] + wo.y * q[i] + wo.z) * inverse - wo.z;
+                // At the normal the quotient is 0/0 and the product 0.
+                let exponent = (exponents[0] * p2 + exponents[1] * q2) / (t + f64::MIN_POSITIVE);
+                let power = exp(shift[i] - 0.5 * exponent * log1p(t));
+                let shade = cos_i * per_viewer;
+                let shade = if shade < 1.0 { shade } else { 1.0 };
+                // A chord's end can lie on the horizon, and a rounding below it.
+                let shade = if shade > 0.0 { shade } else { 0.0 };
+                let value = weight[i] * shade * power * inverse * inverse.sqrt();
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                let beyond = fresnel - knee;
+                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                terms[0][i] = value;
+                terms[1][i] = value * fresnel;
+                terms[2][i] = value * beyond;
+            }
+            for (sum, term) in sums.iter_mut().zip(&terms) {
+                for i in 0..LANES {
+                    sum[i] += term[i];
+                }
+            }
+        }
+        sums.map(total)
+    }
+}
+
+/// The specular light of a bulb of radiance 1 toward the viewer: `radiance`, and what it would be
+/// with a tint of 1, both times exp(-`log`). Scaled like this neither underflows, however far the
+/// bulb lies out in the lobe's tail.
+#[derive(Clone, Copy, Debug)]
+pub struct ScaledRadiance {
+    /// In each channel.
+    pub radiance: [f64; 3],
+    /// Without the tint.
+    pub untinted: f64,
+    /// The logarithm of the common factor.
+    pub log: f64,
+}
+
+impl ScaledRadiance {
+    /// No light.
+    pub const NONE: Self = Self {
+        radiance: [0.0; 3],
+        untinted: 0.0,
+        log: 0.0,
+    };
+}
+
+/// The specular light toward the viewer for a bulb of radiance 1, to the relative error that
+/// `fineness` names, and how many evaluations it took.
+pub fn specular(
+    view: &BulbView,
+    reflectance: &Reflectance,
+    response: &TintResponse,
+    fineness: Fineness,
+    instructions: Instructions,
+    batch: &mut SlopeBatch,
+) -> (ScaledRadiance, u32) {
+    let lobe = &reflectance.lobe;
+    batch.clear();
+    let slopes = Slopes::new(view.wo, lobe);
+    // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
+    let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
+    let mut cubature = Cubature {
+        slopes,
+        levels: [view.wo.z, first, second],
+        fineness,
+        batch,
+        log: 0.0,
+    };
+    cubature.fill(&Disc::new(&Ellipse::new(view)));
+    let log = cubature.log;
+    let exponents = [lobe.n_u, lobe.n_v];
+    let (ior, knee) = (reflectance.ior, response.knee);
+    let [untinted, fresnel, excess] = integrals(instructions, batch, view.wo, exponents, ior, knee);
+    let scale = lobe.normalization / (2.0 * PI);
+    let radiance = response.at_moments(fresnel, excess);
+    let scaled = ScaledRadiance {
+        radiance: radiance.map(|channel| channel * scale),
+        untinted: untinted * scale,
+        log,
+    };
+    (scaled, batch.count() as u32)
+}
+
+/// The ellipse by its centre, its half extent along p, and its chords across: at p + `radius` sin
+/// the chord runs over q + `slant` sin -/+ `half_chord` cos.
+struct Disc {
+    p: f64,
+    q: f64,
+    radius: f64,
+    slant: f64,
+    half_chord: f64,
+}
+
+impl Disc {
+    fn new(ellipse: &Ellipse) -> Self {
+        let [middle, radius] = ellipse.extent();
+        let [low, high] = ellipse.chord(middle);
+        let [p, q] = ellipse.centre;
+        Self {
+            p: p + middle,
+            q: q + 0.5 * (low + high),
+            radius,
+            // Chords' midpoints lie on a line.
+            slant: -ellipse.a12 / ellipse.a22 * radius,
+            half_chord: 0.5 * (high - low),
+        }
+    }
+
+    /// The half extent along q.
+    fn height(&self) -> f64 {
+        self.half_chord + self.slant.abs()
+    }
+}
+
+/// The logarithm that stands for no light.
+const DARK_LOG: f64 = -1e10;
+
+/// How many there are.
+const LEVELS: usize = 3;
+
+/// The error below which it matters where on the bulb the integrand bends.
+const BENDS_SHOW: f64 = 1e-7;
+
+/// The search for the ends of what counts stops at this part of a lobe's width.
+const SEARCH_WIDTH: f64 = 0.25;
+
+/// Points more for what multiplies the lobe: min(1, cos_i/cos_o), the tint and the Jacobian.
+const MORE_POINTS: f64 = 0.8;
+
+/// The lobe's bulk along its wide axis, to either side, in widths.
+const BULK_WIDTHS: f64 = 2.0;
+
+/// A bend that takes more than this many widths of the narrow axis to cross the lobe is smooth
+/// enough once it is integrated along the wide one.
+const STEEP_WIDTHS: f64 = 3.0;
+
+struct Cubature<'a> {
+    slopes: Slopes<'a>,
+    /// Cosines of the light's direction at which the integrand bends.
+    levels: [f64; LEVELS],
+    fineness: Fineness,
+    batch: &'a mut SlopeBatch,
+    /// Minus the lobe's least exponent on the bulb: the batch's weights are for the integrand
+    /// divided by exp(`log`).
+    log: f64,
+}
+
+/// Where the lobe's exponent, as a quadratic form, counts.
+#[derive(Clone, Copy)]
+struct Depth {
+    /// The angle of the chord that is nearest to the lobe's centre.
+    nearest: f64,
+    /// The exponent there: the least on the bulb.
+    least: f64,
+    /// What is above this is left out.
+    most: f64,
+}
+
+impl Cubature<'_> {
+    fn fill(&mut self, disc: &Disc) {
+        let lobe = self.slopes.lobe;
+        // A bulb so small that rounding swallows it is not positive here.
+        if disc.radius.is_nan() || disc.radius <= 0.0 {
+            self.log = DARK_LOG;
+            return;
+        }
+        let (radius, height) = (disc.radius, disc.height());
+        let steep_p = lobe.n_u * disc.p.abs() + lobe.n_u.sqrt();
+        let steep_q = lobe.n_v * disc.q.abs() + lobe.n_v.sqrt();
+        let change = radius * steep_p + height * steep_q;
+        let change2 = change * change;
+        let missed = DISC_ERROR * change2 * change2 * change2;
+        let bends = self.levels.iter().any(|&level| {
+            let above = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
+                let (p, q) = (disc.p + x * radius, disc.q + y * height);
+                self.slopes.is_above(p, q, level)
+            });
+            above.contains(&true) && above.contains(&false)
+        });
+        if radius.max(height) < SMALL && missed < self.fineness.error() && !bends {
+            self.add_disc(disc);
+            return;
+        }
+        // ln(1 + t)/t is least where the bulb lies farthest out.
+        let flatness = |p: f64, q: f64| {
+            let t = p * p + q * q;
+            if t > 0.0 { libm::log1p(t) / t } else { 1.0 }
+        };
+        let far = flatness(disc.p.abs() + radius, disc.q.abs() + height);
+        let nearest = self.nearest(disc);
+        let (least, p, q) = self.least_on_chord(disc, nearest);
+        let flat = flatness(p, q);
+        self.log = -least * flat;
+        let fall = self.fineness.fall();
+        let widened = (least * (flat / far - 1.0)).min(fall);
+        let depth = Depth {
+            nearest,
+            least,
+            most: least + widened + fall / far,
+        };
+        let ends = [-FRAC_PI_2, FRAC_PI_2].map(|end| self.end(disc, end, depth));
+        self.add_chords(disc, ends, depth, bends);
+    }
+
+    /// On the chord at an angle the least exponent, and where it is.
+    fn least_on_chord(&self, disc: &Disc, angle: f64) -> (f64, f64, f64) {
+        let lobe = self.slopes.lobe;
+        let (sin, cos) = libm::sincos(angle);
+        let p = disc.p + disc.radius * sin;
+        let middle = disc.q + disc.slant * sin;
+        let half = disc.half_chord * cos;
+        let q = 0f64.clamp(middle - half, middle + half);
+        (0.5 * (lobe.n_u * p * p + lobe.n_v * q * q), p, q)
+    }
+
+    /// How many widths of the lobe an angle of 1 moves a chord's ends at most.
+    fn widths(&self, disc: &Disc) -> f64 {
+        let lobe = self.slopes.lobe;
+        disc.radius * lobe.n_u.sqrt() + disc.height() * lobe.n_v.sqrt()
+    }
+
+    /// The angle of the chord with the least exponent, a convex function of p.
+    fn nearest(&self, disc: &Disc) -> f64 {
+        let lobe = self.slopes.lobe;
+        let widths = self.widths(disc);
+        let (mut low, mut high) = (-FRAC_PI_2, FRAC_PI_2);
+        while (high - low) * widths > SEARCH_WIDTH && high - low > f64::EPSILON {
+            let angle = 0.5 * (low + high);
+            let (sin, cos) = libm::sincos(angle);
+            let p = disc.p + disc.radius * sin;
+            let middle = disc.q + disc.slant * sin;
+            let half = disc.half_chord * cos;
+            // The end of the chord that is nearer, and how it moves.
+            let (q, moves) = if middle > half {
+                (middle - half, disc.slant * cos + disc.half_chord * sin)
+            } else if middle < -half {
+                (middle + half, disc.slant * cos - disc.half_chord * sin)
+            } else {
+                (0.0, 0.0)
+            };
+            if lobe.n_u * p * disc.radius * cos + lobe.n_v * q * moves > 0.0 {
+                high = angle;
+            } else {
+                low = angle;
+            }
+        }
+        0.5 * (low + high)
+    }
+
+    /// From the nearest chord toward `end`: the angle beyond which no exponent counts.
+    fn end(&self, disc: &Disc, end: f64, depth: Depth) -> f64 {
+        let Depth { nearest, most, .. } = depth;
+        let (mut inside, mut outside) = (nearest, end);
+        let reach = (2.0 * most / self.slopes.lobe.n_u).sqrt() * end.signum();
+        let sine = ((reach - disc.p) / disc.radius).clamp(-1.0, 1.0);
+        let clipped = libm::asin(sine);
+        if (clipped - nearest) * end > 0.0 {
+            outside = clipped;
+        }
+        let spare = most + 0.2 * (most - depth.least);
+        if self.least_on_chord(disc, outside).0 <= spare {
+            return outside;
+        }
+        let widths = self.widths(disc);
+        while (outside - inside).abs() * widths > SEARCH_WIDTH
+            && (outside - inside).abs() > 0.1 * (outside - nearest).abs()
+        {
+            let angle = 0.5 * (inside + outside);
+            if self.least_on_chord(disc, angle).0 > most {
+                outside = angle;
+            } else {
+                inside = angle;
+            }
+        }
+        outside
+    }
+
+    /// All chords between two angles, in intervals on which their integrals are smooth.
+    fn add_chords(&mut self, disc: &Disc, [low, high]: [f64; 2], depth: Depth, bends: bool) {
+        let mut breaks = [high; 4 * LEVELS + 2];
+        breaks[0] = low;
+        if bends {
+            self.find_breaks(disc, [low, high], &mut breaks[1..=4 * LEVELS]);
+            breaks.sort_unstable_by(f64::total_cmp);
+        }
+        for pair in breaks.windows(2) {
+            if pair[0] < pair[1] {
+                self.add_chords_between(disc, [pair[0], pair[1]], depth, bends);
+            }
+        }
+    }
+
+    /// Where a circle on which the integrand bends runs nearly along the chords, it enters and
+    /// leaves them within a width of the lobe: the chords' integrals bend there, too.
+    fn find_breaks(&self, disc: &Disc, [low, high]: [f64; 2], breaks: &mut [f64]) {
+        let lobe = self.slopes.lobe;
+        let (bottom, top) = (disc.q - disc.height(), disc.q + disc.height());
+        let near = 0f64.clamp(bottom, top);
+        let bulk = BULK_WIDTHS / lobe.n_v.sqrt();
+        let [bottom, top] = [(near - bulk).max(bottom), (near + bulk).min(top)];
+        for (level, breaks) in self.levels.iter().zip(breaks.chunks_exact_mut(4)) {
+            let ends = [bottom, top].map(|q| self.slopes.crossings_along(q, *level));
+            for (branch, breaks) in breaks.chunks_exact_mut(2).enumerate() {
+                let [from, to] = ends.map(|end| end[branch]);
+                let across = (from - to).abs() * lobe.n_u.sqrt();
+                if across < STEEP_WIDTHS {
+                    for (place, p) in breaks.iter_mut().zip([from, to]) {
+                        let sine = ((p - disc.p) / disc.radius).clamp(-1.0, 1.0);
+                        *place = libm::asin(sine).clamp(low, high);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The chords of an interval: x = radius sin, so that the sum is smooth where they close.
+    fn add_chords_between(
+        &mut self,
+        disc: &Disc,
+        [low, high]: [f64; 2],
+        depth: Depth,
+        bends: bool,
+    ) {
+        let lobe = self.slopes.lobe;
+        let exponents = [low, high].map(|end| self.least_on_chord(disc, end).0);
+        // The largest term lies inside, or at the end that is nearer.
+        let least = if (low..=high).contains(&depth.nearest) {
+            depth.least
+        } else {
+            exponents[0].min(exponents[1])
+        };
+        let falls = exponents.map(|exponent| (exponent - least).max(0.0));
+        let closing = [low, high].map(|end| if end.abs() >= FRAC_PI_2 { 0.5 } else { 0.0 });
+        let more = MORE_POINTS + (closing[0] + closing[1]) * self.fineness.more_on_disc();
+        let fineness = self.fineness.after_fall(least - depth.least);
+        let points = fineness.points_for_fall(falls, more);
+        // What bends are left show in the last digits: more points make up for it.
+        let points = if bends && self.fineness.error() < BENDS_SHOW {
+            3 * points
+        } else {
+            points
+        };
+        for (node, weight) in GaussRule::of(points).on(low, high) {
+            let (sin, cos) = libm::sincos(node);
+            let p = disc.p + disc.radius * sin;
+            let reach2 = (2.0 * depth.most - lobe.n_u * p * p) / lobe.n_v;
+            if reach2 <= 0.0 {
+                continue;
+            }
+            let reach = reach2.sqrt();
+            let middle = disc.q + disc.slant * sin;
+            let half = disc.half_chord * cos;
+            let (low, high) = ((middle - half).max(-reach), (middle + half).min(reach));
+            if low < high {
+                let scale = weight * disc.radius * cos;
+                self.add_chord(p, [low, high], scale, depth.least, bends);
+            }
+        }
+    }
+
+    /// All of a bulb over which the lobe changes little.
+    fn add_disc(&mut self, disc: &Disc) {
+        let area = PI * disc.radius * disc.half_chord;
+        let lobe = self.slopes.lobe;
+        let (p, q) = (disc.p, disc.q);
+        let (p2, q2) = (p * p, q * q);
+        let t = p2 + q2;
+        let exponent = (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE);
+        let shift = 0.5 * exponent * libm::log1p(t);
+        self.log = -shift;
+        self.batch.push([p, q, 0.25 * area, shift]);
+        for [x, y] in HEXAGON {
+            let along = disc.radius * x;
+            let across = disc.slant * x + disc.half_chord * y;
+            self.batch
+                .push([p + along, q + across, 0.125 * area, shift]);
+        }
+    }
+
+    /// The chord at p, in pieces between which the integrand bends.
+    fn add_chord(&mut self, p: f64, [low, high]: [f64; 2], scale: f64, least: f64, bends: bool) {
+        if !bends {
+            self.add_piece(p, [low, high], scale, least);
+            return;
+        }
+        let mut ends = [high; 2 * LEVELS + 2];
+        ends[0] = low;
+        for (level, ends) in self.levels.iter().zip(ends[1..].chunks_exact_mut(2)) {
+            let crossings = self.slopes.crossings(p, *level);
+            ends.copy_from_slice(&crossings.map(|q| q.clamp(low, high)));
+        }
+        ends.sort_unstable_by(f64::total_cmp);
+        for pair in ends.windows(2) {
+            if pair[0] < pair[1] {
+                self.add_piece(p, [pair[0], pair[1]], scale, least);
+            }
+        }
+    }
+
+    /// A piece on which the integrand is smooth. Where it begins below the bulb's brightest point
+    /// it takes fewer digits.
+    fn add_piece(&mut self, p: f64, [from, to]: [f64; 2], scale: f64, least: f64) {
+        let lobe = self.slopes.lobe;
+        let near = 0f64.clamp(from, to);
+        let begin = 0.5 * (lobe.n_u * p * p + lobe.n_v * near * near);
+        let falls = [from, to].map(|end| 0.5 * lobe.n_v * (end - near).abs() * (end + near).abs());
+        let fineness = self.fineness.after_fall(begin - least);
+        let rule = GaussRule::of(fineness.points_for_fall(falls, MORE_POINTS));
+        let shift = -self.log;
+        for (q, weight) in rule.on(from, to) {
+            self.batch.push([p, q, scale * weight, shift]);
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! The bulb's light off the sample, as a function of the film.
+
+use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
+use crate::film::log_tile::TintedLog;
+use crate::film::log_tiling::LogShade;
+use crate::film::tiling::Shade;
+use crate::hybrid::view::View;
+use crate::numerics::polygon::Rectangle;
+use crate::numerics::tolerance::Fineness;
+use crate::reflectance::Reflectance;
+use crate::vector::Vec3;
+use std::f64::consts::PI;
+
+/// Slopes over a rectangle lie in the box of those at its corners, widened by this many times what
+/// its middle is off the corners' mean. For a parabola it is 1.
+const CURVATURE: f64 = 2.0;
+
+/// What the middle may be off, as a share of the box: beyond it the corners say too little of what
+/// lies between them.
+const CURVATURE_MAX: f64 = 0.25;
+
+/// No series of a tile follows an edge over more than this many widths of the lobe.
+const EDGE_WIDTHS: f64 = 12.0;
+
+/// The bulb's half extent in slopes is taken this much larger than at corners and middle.
+const BULB_MARGIN: f64 = 1.1;
+
+/// The bulb's light off the sample.
+pub struct BulbOffSample<'a> {
+    pub view: &'a View,
+    pub reflectance: &'a Reflectance,
+}
+
+impl Shade for BulbOffSample<'_> {
+    type Scratch = SlopeBatch;
+
+    fn at(&self, scratch: &mut SlopeBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        let (position, wo) = self.view.sample_point(place);
+        let (light, spent) = self.light(position, wo, fineness, scratch);
+        let scale = libm::exp(light.log);
+        (light.tint.map(|channel| scale * channel), spent)
+    }
+}
+
+impl LogShade for BulbOffSample<'_> {
+    type Scratch = SlopeBatch;
+
+    fn at(
+        &self,
+        scratch: &mut SlopeBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> (TintedLog, u32) {
+        let (position, wo) = self.view.sample_point(place);
+        self.light(position, wo, fineness, scratch)
+    }
+
+    /// The lobe's integral over the bulb by the least exponent on it, for the whole rectangle.
+    fn most(&self, rectangle: &Rectangle) -> f64 {
+        let radiance = self.view.bulb.radiance;
+        if self.reflectance.specular_share < 1.0 {
+            return radiance;
+        }
+        let [low, high] = [rectangle.low, rectangle.high];
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let corners = corners.map(|corner| self.bulb_box(corner));
+        let middle = self.bulb_box([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])]);
+        let largest = |axis: usize| {
+            let half = corners.iter().map(|corner| corner.half[axis]);
+            half.fold(middle.half[axis], f64::max)
+        };
+        let half = [largest(0), largest(1)];
+        let mut near = [0.0; 2];
+        let mut far = [0.0; 2];
+        for axis in 0..2 {
+            let at = corners.map(|corner| corner.centre[axis]);
+            let low = at.into_iter().fold(middle.centre[axis], f64::min);
+            let high = at.into_iter().fold(middle.centre[axis], f64::max);
+            let mean = 0.25 * ((at[0] + at[1]) + (at[2] + at[3]));
+            let bent = (middle.centre[axis] - mean).abs();
+            if bent > CURVATURE_MAX * (high - low) || half[axis].is_nan() {
+                return radiance;
+            }
+            let margin = CURVATURE * bent + BULB_MARGIN * half[axis];
+            let (low, high) = (low - margin, high + margin);
+            near[axis] = 0f64.clamp(low, high);
+            far[axis] = low.abs().max(high.abs());
+        }
+        let lobe = &self.reflectance.lobe;
+        let t = far[0] * far[0] + far[1] * far[1];
+        let flat = if t > 0.0 { libm::log1p(t) / t } else { 1.0 };
+        let form = lobe.n_u * near[0] * near[0] + lobe.n_v * near[1] * near[1];
+        let area = 4.0 * half[0] * half[1];
+        // The lobe's integral is 1, and its part beyond an exponent x is at most exp(-x).
+        let share = (lobe.normalization / (2.0 * PI) * area).min(1.0);
+        radiance * share * libm::exp(-0.5 * form * flat)
+    }
+
+    /// The edge of the bulb's image is as wide as the lobe. It runs through a rectangle whose corners
+    /// see the lobe's centre on and off the bulb.
+    fn edge_along(&self, rectangle: &Rectangle) -> Option<usize> {
+        let [low, high] = [rectangle.low, rectangle.high];
+        let corners = [low, [high[0], low[1]], high, [low[0], high[1]]];
+        let corners = corners.map(|corner| self.bulb_box(corner));
+        let on = corners.map(|SlopeBox { centre, half }| {
+            let [p, q] = [centre[0] / half[0], centre[1] / half[1]];
+            p * p + q * q < 1.0
+        });
+        if on.iter().all(|&on| on) || on.iter().all(|&on| !on) {
+            return None;
+        }
+        let lobe = &self.reflectance.lobe;
+        let widths = |a: &SlopeBox, b: &SlopeBox| {
+            let (p, q) = (a.centre[0] - b.centre[0], a.centre[1] - b.centre[1]);
+            (lobe.n_u * p * p + lobe.n_v * q * q).sqrt()
+        };
+        let across = widths(&corners[0], &corners[1]);
+        let along = widths(&corners[0], &corners[3]);
+        (across.max(along) > EDGE_WIDTHS).then_some(usize::from(along > across))
+    }
+}
+
+/// A box in the slope plane around the half vectors that see the bulb.
+#[derive(Clone, Copy)]
+struct SlopeBox {
+    centre: [f64; 2],
+    half: [f64; 2],
+}
+
+impl BulbOffSample<'_> {
+    /// The bulb's light off the sample at `position` toward `wo`, and evaluations spent.
+    fn light(
+        &self,
+        position: Vec3,
+        wo: Vec3,
+        fineness: Fineness,
+        batch: &mut SlopeBatch,
+    ) -> (TintedLog, u32) {
+        let reflectance = self.reflectance;
+        let view = self.bulb_view(position, wo);
+        let share = reflectance.specular_share;
+        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
+        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
+        let (specular, spent) = if share > 0.0 {
+            let response = reflectance.tint_response(wo.z);
+            let instructions = self.view.instructions;
+            bulb::specular(&view, reflectance, &response, fineness, instructions, batch)
+        } else {
+            (ScaledRadiance::NONE, 0)
+        };
+        // Where there is diffuse light the lobe is wide, and its logarithm small. Elsewhere the
+        // factor may overflow.
+        let diffuse = if share < 1.0 {
+            diffuse * libm::exp(-specular.log)
+        } else {
+            0.0
+        };
+        let untinted = share * specular.untinted + diffuse;
+        let tint = std::array::from_fn(|channel| {
+            let part = share * specular.radiance[channel] + diffuse * reflectance.rgb0[channel];
+            if untinted > 0.0 { part / untinted } else { 0.0 }
+        });
+        let log =
+            libm::log(untinted.max(f64::MIN_POSITIVE) * self.view.bulb.radiance) + specular.log;
+        (TintedLog { log, tint }, spent)
+    }
+
+    /// The bulb and the viewer from a point of the sample.
+    fn bulb_view(&self, position: Vec3, wo: Vec3) -> BulbView {
+        let (bulb, lobe) = (&self.view.bulb, &self.reflectance.lobe);
+        let offset = bulb.centre - position;
+        let distance = offset.length();
+        let sine = bulb.radius / distance;
+        BulbView {
+            wo: lobe.to_lobe(wo),
+            centre: lobe.to_lobe(offset * (1.0 / distance)),
+            sin2: sine * sine,
+        }
+    }
+
+    fn bulb_box(&self, place: [f64; 2]) -> SlopeBox {
+        let (position, wo) = self.view.sample_point(place);
+        let view = self.bulb_view(position, wo);
+        let [centre, half] = view.slopes();
+        SlopeBox { centre, half }
+    }
+}

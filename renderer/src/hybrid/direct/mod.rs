@@ -1,0 +1,125 @@
+//! The bulb's light off the sample.
+
+mod bulb;
+mod bulb_on_film;
+
+use super::view::{BULB_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, FEATURES_PER_TILE, View};
+use crate::film::FilmPixel;
+use crate::film::canvas::Canvas;
+use crate::film::log_tiling;
+use crate::film::tiling::{self, Demand, Region};
+use crate::numerics::tolerance::Fineness;
+use crate::reflectance::Reflectance;
+use bulb_on_film::BulbOffSample;
+
+/// Up to this exponent a lobe is so wide that the light itself is as smooth as its logarithm, and
+/// its integrals over pixels are closed forms.
+const ROUGH_EXPONENT: f64 = 400.0;
+
+/// A lobe narrower than this many pixels makes edges that no tile follows: where the bulb's image
+/// itself is large on the film, pixels on its edge are integrated one by one.
+const SHARP_WIDTH: f64 = 0.25;
+
+/// But neither holds where a tile of that light would be shorter than this many pixels: a coarse film's nodes
+/// could miss a feature that its logarithm cannot.
+const FEATURE_MIN: f64 = 12.0;
+
+/// Nor for such edges where a tile would be shorter than this: there the film is rendered finer. The
+/// bulb's image is then four pixels across, and nodes lie less than 1.2 pixels apart.
+const SHARP_FEATURE_MIN: f64 = 6.0;
+
+/// Where pixels are closed forms the rule at a point is the largest error: it is made so much less.
+const LINEAR_RULE_SHARE: f64 = 0.1;
+
+/// The most pixels of a finer film for such edges.
+const FINER_PIXELS_MAX: f64 = 1_048_576.0;
+
+/// Adds the bulb's light off the sample to the film; returns evaluations.
+pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
+    let shade = BulbOffSample { view, reflectance };
+    let distance = view.bulb.centre.length();
+    let half_angle = view.bulb.radius / distance;
+    let blur2 = 1.0 / reflectance.lobe.n_u;
+    let slope = (0.25 * half_angle * half_angle + blur2).sqrt();
+    let feature = FEATURES_PER_TILE * view.slope_pixels(slope, distance);
+    let width = view.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
+    let is_sharp = width <= SHARP_WIDTH;
+    let is_small = feature
+        < if is_sharp {
+            SHARP_FEATURE_MIN
+        } else {
+            FEATURE_MIN
+        };
+    if let (true, true, Some(finer)) = (is_sharp, is_small, FinerView::new(view, feature)) {
+        return finer.add_to(canvas, reflectance);
+    }
+    let is_glossy = reflectance.lobe.n_u > ROUGH_EXPONENT && !is_sharp;
+    if is_glossy || is_small {
+        let demand = log_tiling::Demand {
+            accuracy: &view.bulb_accuracy,
+            evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
+            fineness: view.bulb_fineness,
+            instructions: view.instructions,
+        };
+        return log_tiling::integrate(canvas, &view.sample, &demand, &shade);
+    }
+    let demand = Demand {
+        accuracy: &view.bulb_accuracy,
+        faint: view.chart_accuracy.absolute,
+        side_max: feature,
+        evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
+        fineness: Fineness::new(LINEAR_RULE_SHARE * view.bulb_fineness.error()),
+        function_error: 0.0,
+    };
+    let regions = [Region {
+        outline: view.sample,
+        factor: [1.0; 3],
+    }];
+    tiling::integrate(canvas, &view.sample, &regions, &demand, &shade)
+}
+
+/// A view whose film has `times` as many pixels along either side.
+struct FinerView {
+    view: View,
+    times: u32,
+}
+
+impl FinerView {
+    /// The same view on a film so fine that a tile of `feature` pixels is at least
+    /// [`SHARP_FEATURE_MIN`] long; `None` where this one is, or where that one would be too large.
+    fn new(view: &View, feature: f64) -> Option<Self> {
+        let times = (SHARP_FEATURE_MIN / feature).ceil();
+        let pixels = times * times * f64::from(view.size[0]) * f64::from(view.size[1]);
+        if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
+            return None;
+        }
+        let times = times as u32;
+        Some(Self {
+            view: view.finer(times)?,
+            times,
+        })
+    }
+
+    /// Adds the bulb's light off the sample to the coarser film: each of its pixels is the mean of
+    /// those that it covers.
+    fn add_to(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
+        let [width, height] = self.view.size;
+        let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
+        let mut fine = Canvas {
+            width,
+            height,
+            pixels: &mut pixels,
+        };
+        let evaluations = add(&self.view, &mut fine, reflectance);
+        let share = 1.0 / f64::from(self.times * self.times);
+        for (index, pixel) in (0..).zip(&pixels) {
+            let place = (index % width / self.times, index / width / self.times);
+            canvas.add(
+                place,
+                pixel.value.map(|channel| share * channel),
+                share * pixel.error,
+            );
+        }
+        evaluations
+    }
+}

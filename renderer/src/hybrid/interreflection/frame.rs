@@ -1,0 +1,113 @@
+//! Sample and chart in the frame in which the sample's lines run along u.
+
+use super::sample_rule::SampleFrame;
+use super::surface::Surface;
+use super::transfer::Receiver;
+use crate::hybrid::chart_on_film::PanelOnFilm;
+use crate::hybrid::view::View;
+use crate::numerics::polygon::Rectangle;
+use crate::reflectance::Reflectance;
+use crate::vector::Vec3;
+
+/// The least scale of the tiles' logarithmic coordinate, as a share of the sample's side. It only
+/// spreads the nodes and approximates nothing.
+const SCALE_MIN: f64 = 5e-3;
+
+/// Sample and chart, with the material in the sample's frame.
+pub struct Frame<'a> {
+    /// The view.
+    pub view: &'a View,
+    /// The chart.
+    pub panel: &'a PanelOnFilm,
+    /// The scale of the tiles' logarithmic coordinate: the distance from sample to chart.
+    pub gap: f64,
+    /// The sample.
+    pub sample: SampleFrame,
+    /// Its material.
+    pub surface: Surface,
+}
+
+impl<'a> Frame<'a> {
+    /// The frame of a view, its chart and a material.
+    pub fn new(view: &'a View, panel: &'a PanelOnFilm, reflectance: &Reflectance) -> Self {
+        let half = view.sample_half;
+        let sample = SampleFrame::new(half, &reflectance.lobe);
+        Self {
+            view,
+            panel,
+            gap: (panel.panel.corner.y - half).max(2.0 * SCALE_MIN * half),
+            surface: Surface::new(reflectance, sample.u_axis),
+            sample,
+        }
+    }
+
+    /// All of the chart on the tiles.
+    pub fn bounds(&self) -> Rectangle {
+        let [width, height] = self.panel.panel.size();
+        let [_, top] = self.place([0.0, height]);
+        Rectangle {
+            low: [0.0; 2],
+            high: [width, top],
+        }
+    }
+
+    /// The position on the tiles of (a, b).
+    pub fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        place(at, self.gap)
+    }
+
+    /// The point of the world at a position on the tiles.
+    pub fn point(&self, [a, s]: [f64; 2]) -> Vec3 {
+        self.panel.panel.point(a, self.gap * libm::expm1(s))
+    }
+
+    /// The same as a receiver in the sample's frame.
+    pub fn receiver(&self, at: [f64; 2]) -> Receiver {
+        Receiver {
+            position: self.sample.to_frame(self.point(at)),
+            normal: self.sample.to_frame(self.panel.panel.z),
+        }
+    }
+
+    /// The tolerance of the irradiance over pi where the bulb lights a part of the chart least.
+    pub fn tolerance(&self, part: &Rectangle) -> f64 {
+        let Rectangle { low, high } = part;
+        let up = |s: f64| self.gap * libm::expm1(s);
+        let corners = [
+            [low[0], up(low[1])],
+            [high[0], up(low[1])],
+            [low[0], up(high[1])],
+            [high[0], up(high[1])],
+        ];
+        let least = corners
+            .map(|at| self.view.bulb_on_chart(&self.panel.panel, at))
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        let accuracy = &self.view.chart_accuracy;
+        accuracy.absolute.max(accuracy.relative * least)
+    }
+
+    /// The largest irradiance over pi by the bulb itself: at most that of a surface which faces the
+    /// bulb at the chart's nearest point.
+    pub fn direct_max(&self) -> f64 {
+        let panel = &self.panel.panel;
+        let [width, height] = panel.size();
+        let offset = self.view.bulb.centre - panel.corner;
+        let a = offset.dot(panel.x).clamp(0.0, width);
+        let b = offset.dot(panel.y).clamp(0.0, height);
+        let distance2 = (self.view.bulb.centre - panel.point(a, b)).length_squared();
+        let radius = self.view.bulb.radius;
+        self.view.bulb.radiance * (radius * radius / distance2).min(1.0)
+    }
+
+    /// The largest reflectance of a patch.
+    pub fn reflectance_max(&self) -> f64 {
+        let channels = self.panel.patches.iter().flatten();
+        channels.copied().fold(0.0, f64::max)
+    }
+}
+
+/// The position on the tiles of (a, b).
+pub fn place([a, b]: [f64; 2], gap: f64) -> [f64; 2] {
+    [a, libm::log1p(b.max(0.0) / gap)]
+}

@@ -1,0 +1,222 @@
+//! The rule along the lobe's wide axis, in pieces between which the integral over the narrow one is
+//! smooth.
+
+use super::conic::Conic;
+use super::line::{Cuts, Lines};
+use super::point::{Point, TAIL_DIGITS};
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::tolerance::Fineness;
+
+/// Widths from the middle of an edge's passage through the lobe at which it is over.
+const PASSAGE: f64 = 3.5;
+
+/// A corner of a patch shows as a kink if it lies within so many widths of the axis p = 0.
+const CORNER_REACH: f64 = 2.0;
+
+/// A passage shorter than this share of the lobe's wide width is a step.
+const STEP: f64 = 1e-4;
+
+/// Buffers.
+#[derive(Default)]
+pub struct Scratch {
+    /// The lines of the rule.
+    pub lines: Lines,
+    /// Where they are cut.
+    pub cuts: Cuts,
+    passages: Vec<Passage>,
+    ends: Vec<End>,
+}
+
+/// An edge of patches that passes through the lobe along the wide axis.
+#[derive(Clone, Copy, Debug)]
+struct Passage {
+    /// The q at which it crosses p = 0.
+    middle: f64,
+    /// Widths of the lobe along p that it passes a unit of q.
+    rate: f64,
+}
+
+/// Where a piece of the wide axis may end.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    q: f64,
+    /// Whether the integral over p bends here, so that a piece has to end.
+    kink: bool,
+}
+
+/// A piece of the wide axis.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    from: f64,
+    to: f64,
+    /// The fastest change on it, in widths a unit of q.
+    rate: f64,
+}
+
+impl Piece {
+    fn points(&self, fineness: Fineness) -> usize {
+        fineness.points((self.to - self.from) * self.rate, 0.0)
+    }
+
+    /// The piece that covers both.
+    fn with(&self, next: &Self) -> Self {
+        Self {
+            from: self.from,
+            to: next.to,
+            rate: self.rate.max(next.rate),
+        }
+    }
+
+    fn is_cheaper_with(&self, next: &Self, fineness: Fineness) -> bool {
+        self.with(next).points(fineness) <= self.points(fineness) + next.points(fineness)
+    }
+}
+
+impl Point<'_> {
+    /// Gathers the lines of the rule.
+    pub fn gather(&self, scratch: &mut Scratch) {
+        scratch.lines.clear();
+        let [low, high] = self.extent();
+        if low >= high {
+            return;
+        }
+        let mut passages = std::mem::take(&mut scratch.passages);
+        let mut ends = std::mem::take(&mut scratch.ends);
+        self.find_passages([low, high], &mut passages, &mut ends);
+        self.find_kinks([low, high], &mut ends);
+        let mut piece: Option<Piece> = None;
+        for pair in ends.windows(2) {
+            let (from, to) = (pair[0].q, pair[1].q);
+            if from >= to {
+                continue;
+            }
+            let next = Piece {
+                from,
+                to,
+                rate: self.rate(0.5 * (from + to), &passages),
+            };
+            piece = match piece {
+                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self.fineness) => {
+                    Some(piece.with(&next))
+                }
+                Some(done) => {
+                    self.add_lines(&done, scratch);
+                    Some(next)
+                }
+                None => Some(next),
+            };
+        }
+        if let Some(piece) = piece {
+            self.add_lines(&piece, scratch);
+        }
+        (scratch.passages, scratch.ends) = (passages, ends);
+    }
+
+    /// Adds the lines of a piece of the wide axis.
+    fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
+        let rule = GaussRule::of(piece.points(self.fineness));
+        // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
+        for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
+            let per = 1.0 / (1.0 - x * x);
+            let slope = 2.0 * (1.0 + x * x) * per * per;
+            scratch.lines.push([2.0 * x * per, weight * slope]);
+        }
+    }
+
+    /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
+    fn rate(&self, q: f64, passages: &[Passage]) -> f64 {
+        let per_width = self.glossy.reflectance.lobe.n_v.sqrt();
+        let covering = passages
+            .iter()
+            .filter(|passage| (q - passage.middle).abs() * passage.rate < PASSAGE);
+        covering.fold(per_width, |rate, passage| rate.max(passage.rate))
+    }
+
+    /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
+    /// horizon beyond.
+    fn extent(&self) -> [f64; 2] {
+        let lobe = &self.glossy.reflectance.lobe;
+        let reach = self.fineness.reach(lobe.n_v, TAIL_DIGITS);
+        let horizon = Conic::level(0.0, self.wo);
+        let widest = self.reach / lobe.n_u.sqrt();
+        let (mut low, mut high) = (0.0f64, 0.0f64);
+        for p in [-widest, 0.0, widest] {
+            for q in horizon
+                .on_column(p)
+                .zeros()
+                .into_iter()
+                .filter(|q| q.is_finite())
+            {
+                (low, high) = (low.min(q), high.max(q));
+            }
+        }
+        [low.max(-reach), high.min(reach)]
+    }
+
+    /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
+    fn find_passages(
+        &self,
+        [low, high]: [f64; 2],
+        passages: &mut Vec<Passage>,
+        ends: &mut Vec<End>,
+    ) {
+        passages.clear();
+        ends.clear();
+        let panel = &self.glossy.chart.panel;
+        let lobe = &self.glossy.reflectance.lobe;
+        let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / lobe.n_v.sqrt());
+        let counts = [panel.columns, panel.rows];
+        let along = [&self.across, &self.up];
+        for axis in 0..2 {
+            for line in 0..=counts[axis] {
+                let edge = along[axis].less(f64::from(line), &self.depth);
+                for middle in edge.on_axis().zeros() {
+                    if !(middle > low && middle < high) {
+                        continue;
+                    }
+                    let depth = self.depth.value(0.0, middle);
+                    let other = along[1 - axis].value(0.0, middle);
+                    let most = f64::from(counts[1 - axis]) + 1.0;
+                    if !(depth > 0.0 && other > -depth && other < most * depth) {
+                        continue;
+                    }
+                    let rate = edge.drift(middle) * per_width;
+                    let half = PASSAGE / rate;
+                    if half < STEP * wide {
+                        ends.push(End {
+                            q: middle,
+                            kink: true,
+                        });
+                    } else if rate * wide > 1.0 {
+                        passages.push(Passage { middle, rate });
+                        ends.extend([middle - half, middle + half].map(|q| End { q, kink: false }));
+                    }
+                }
+            }
+        }
+        ends.retain(|end| end.q > low && end.q < high);
+        ends.extend([low, high].map(|q| End { q, kink: true }));
+    }
+
+    /// Finds where the integral over p has a kink, and sorts all ends.
+    fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
+        let per_width = self.glossy.reflectance.lobe.n_u.sqrt();
+        let levels = self
+            .branches
+            .levels()
+            .flat_map(|level| level.on_axis().zeros());
+        let corners = self.glossy.corners.iter().filter_map(|corner| {
+            let half = self.wo + (*corner - self.position).normalized();
+            let [p, q] = [half.x / half.z, half.y / half.z];
+            (p.abs() * per_width < CORNER_REACH).then_some(q)
+        });
+        let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
+        ends.extend(kinks.map(|q| End { q, kink: true }));
+        ends.sort_unstable_by(|a, b| a.q.total_cmp(&b.q));
+    }
+}
+
+/// tan(atan(q)/2), which stays finite as q does not.
+fn half_tangent(q: f64) -> f64 {
+    q / (1.0 + (1.0 + q * q).sqrt())
+}

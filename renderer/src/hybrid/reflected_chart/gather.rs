@@ -1,0 +1,246 @@
+//! The directions in which a point of the sample sees the chart.
+//!
+//! In the plane across the panel's x axis, s is that for which sinh s is the way up the panel over
+//! the distance to it; in a plane through the x axis, ln t that for which sinh ln t is the way along
+//! the panel over that plane's distance to it. The solid angle is ds dt / (t cosh s cosh^2 ln t).
+//! Rows of patches are intervals of s, and columns, for each s, of t; and however close the sample
+//! comes to the chart, the integrand stays smooth. Intervals are parted where it bends, at three
+//! cosines of the light's direction.
+
+use super::lit_chart::{LitChart, parabola};
+use super::window::Window;
+use crate::numerics::batch::{Batch, FOUR};
+use crate::numerics::elementary::{asinh, exp};
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::instructions::kernel;
+use crate::numerics::tolerance::Fineness;
+use crate::scene::Panel;
+use crate::vector::Vec3;
+use std::f64::consts::PI;
+
+/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
+/// the rule's weight in each channel.
+pub type LightBatch = Batch<6>;
+
+/// Where the integrand bends: at three cosines of the light's direction, on either side.
+const BENDS: usize = 6;
+
+/// Farther out than any s or t: no bend.
+const NOWHERE: f64 = f64::INFINITY;
+
+/// e^-3 to e^3 without e^0, about.
+const POWERS_OF_E: [f64; BENDS] = [0.05, 0.135, 0.37, 2.7, 7.4, 20.0];
+
+/// Far beyond any s that meets the panel.
+const EXP_MAX: f64 = 600.0;
+
+kernel! {
+    /// Gathers the directions of a product rule from `position`, and the light from them.
+    pub fn directions(
+        chart: &LitChart,
+        position: Vec3,
+        levels: [f64; 3],
+        window: &Window,
+        fineness: Fineness,
+        batch: &mut LightBatch,
+    ) {
+        let panel = &chart.panel;
+        let offset = position - panel.corner;
+        // The distance to the panel's plane, and the b of the nearest point of it.
+        let (height, foot) = (panel.z.dot(offset), panel.y.dot(offset));
+        let s_of = |b: f64| asinh((b - foot) / height);
+        // In the plane across x, light stands as high as a level at two angles from the panel's
+        // normal: s is the inverse Gudermannian of these.
+        let bends = mirrored(levels.map(|level| {
+            if level < 1.0 {
+                0.5 * PI - libm::asin(level)
+            } else {
+                NOWHERE
+            }
+        }))
+        .map(|off_zenith| s_at(panel, 0.5 * PI + off_zenith));
+        let [low, high] = [window.low[1], window.high[1]].map(|beta| s_at(panel, beta));
+        let mut next = s_of(0.0);
+        for row in 0..panel.rows {
+            let start = next;
+            next = s_of(f64::from(row + 1) * panel.pitch);
+            for [from, to] in parts(start.max(low), next.min(high), &bends) {
+                let angle = gudermann(to) - gudermann(from);
+                let more = fineness.more_beside(to - from);
+                let rule = GaussRule::of(fineness.points(angle / window.width[1], more));
+                for (s, weight) in rule.on(from, to) {
+                    let line = Line::new(panel, row, [height, foot], s, &levels);
+                    let weight = weight * line.cos_gamma;
+                    gather_line(chart, position, &line, weight, window, fineness, batch);
+                }
+            }
+        }
+    }
+}
+
+/// The same for directions of one s.
+#[inline(always)]
+fn gather_line(
+    chart: &LitChart,
+    position: Vec3,
+    line: &Line,
+    weight_s: f64,
+    window: &Window,
+    fineness: Fineness,
+    batch: &mut LightBatch,
+) {
+    let panel = &chart.panel;
+    // From the sample's point to the column's left edge.
+    let along = |column: u32| panel.corner.x - position.x + f64::from(column) * panel.pitch;
+    let per_reach = 1.0 / line.reach;
+    let t_of = |along: f64| exp_asinh(along * per_reach);
+    let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
+    let (half_reach, per_pitch) = (0.5 * line.reach / panel.pitch, 1.0 / panel.pitch);
+    let mut next = t_of(along(0));
+    for column in 0..panel.columns {
+        let start = next;
+        next = t_of(along(column + 1));
+        let (from, to) = (start.max(low), next.min(high));
+        if from >= to {
+            continue;
+        }
+        let patch = chart.patch(column, line.row);
+        let light = chart.light_across(patch, line.up);
+        let along = along(column) * per_pitch;
+        for [from, to] in parts(from, to, &line.bends) {
+            let more = fineness.more_beside((to - from) / (from * to).sqrt());
+            let widths = (sine(to) - sine(from)) / window.width[0];
+            let rule = GaussRule::of(fineness.points(widths, more));
+            for (t, weight_t, count) in rule.fours_on(from, to) {
+                let mut points = [[0.0; FOUR]; 6];
+                for i in 0..FOUR {
+                    let t2 = t[i] * t[i];
+                    let share = 1.0 / (1.0 + t2);
+                    let cos = 2.0 * t[i] * share;
+                    let place = half_reach * (t[i] - 1.0 / t[i]) - along;
+                    let weight = weight_s * weight_t[i] * 2.0 * cos * share;
+                    let [r, g, b] = parabola(&light, place).map(|light| weight * light);
+                    let sin = (t2 - 1.0) * share;
+                    let point = [sin, cos * line.cos, cos * line.sin, r, g, b];
+                    for (column, value) in points.iter_mut().zip(point) {
+                        column[i] = value;
+                    }
+                }
+                batch.push_of_four(points, count);
+            }
+        }
+    }
+}
+
+/// Directions of one s in a row of patches.
+struct Line {
+    row: u32,
+    /// Of the angle from +y.
+    sin: f64,
+    cos: f64,
+    /// Of the angle to the panel's normal.
+    cos_gamma: f64,
+    /// From the sample's point to the panel, across its x axis.
+    reach: f64,
+    /// Where on the patches, 0 to 1 up.
+    up: f64,
+    /// The t at which the integrand bends, and some at which long intervals are parted.
+    bends: [f64; 2 * BENDS],
+}
+
+impl Line {
+    #[inline(always)]
+    fn new(panel: &Panel, row: u32, [height, foot]: [f64; 2], s: f64, levels: &[f64; 3]) -> Self {
+        let e = exp(s);
+        let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+        let cos_gamma = 1.0 / cosh;
+        let across = panel.y * (sinh * cos_gamma) - panel.z * cos_gamma;
+        let up = (foot + height * sinh) / panel.pitch - f64::from(row);
+        Self {
+            row,
+            sin: across.z,
+            cos: across.y,
+            cos_gamma,
+            reach: height * cosh,
+            up: up.clamp(0.0, 1.0),
+            bends: {
+                let bends = levels.map(|level| {
+                    // cosh ln t is this where light stands at the level.
+                    let ratio = across.z / level;
+                    if ratio > 1.0 {
+                        ratio + (ratio * ratio - 1.0).sqrt()
+                    } else {
+                        NOWHERE
+                    }
+                });
+                let ([a, b, c], [d, e, f]) = (bends, bends.map(|bend| 1.0 / bend));
+                let [g, h, i, j, k, l] = POWERS_OF_E;
+                [a, b, c, d, e, f, g, h, i, j, k, l]
+            },
+        }
+    }
+}
+
+/// The s of a direction across the x axis of this angle from +y, 0 to pi; infinite for one that
+/// passes over the panel.
+fn s_at(panel: &Panel, beta: f64) -> f64 {
+    let (sin, cos) = libm::sincos(beta);
+    let approach = -(panel.z.y * cos + panel.z.z * sin);
+    let up = panel.y.y * cos + panel.y.z * sin;
+    if approach > 0.0 {
+        asinh(up / approach)
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// The angle whose tangent is sinh s.
+fn gudermann(s: f64) -> f64 {
+    let e = exp(s.min(EXP_MAX));
+    2.0 * libm::atan(e) - 0.5 * PI
+}
+
+/// The sine of [`t_at_sine`].
+#[inline(always)]
+fn sine(t: f64) -> f64 {
+    1.0 - 2.0 / (t * t + 1.0)
+}
+
+/// exp(asinh(x)).
+#[inline(always)]
+fn exp_asinh(x: f64) -> f64 {
+    let sum = x.abs() + (1.0 + x * x).sqrt();
+    if x < 0.0 { 1.0 / sum } else { sum }
+}
+
+/// The t of directions of this sine, -1 to 1, from the plane across x.
+#[inline(always)]
+fn t_at_sine(sine: f64) -> f64 {
+    ((1.0 + sine) / (1.0 - sine)).sqrt()
+}
+
+/// Bends on both sides of 0.
+#[inline(always)]
+fn mirrored([a, b, c]: [f64; 3]) -> [f64; BENDS] {
+    [a, b, c, -a, -b, -c]
+}
+
+/// The parts of an interval between the bends that lie in it; none of an empty one.
+#[inline(always)]
+fn parts<const N: usize>(
+    from: f64,
+    to: f64,
+    bends: &[f64; N],
+) -> impl Iterator<Item = [f64; 2]> + use<N> {
+    let (mut ends, mut count) = ([to; 2 * BENDS + 2], 1);
+    ends[0] = from;
+    for &bend in bends {
+        if bend > from && bend < to {
+            ends[count] = bend;
+            count += 1;
+        }
+    }
+    ends[1..count].sort_unstable_by(f64::total_cmp);
+    let count = if from < to { count } else { 0 };
+    (0..count).map(move |i| [ends[i], ends[i + 1]])
+}

@@ -1,0 +1,151 @@
+//! The chart off a lobe that is neither highly anisotropic nor narrow: a product rule over its
+//! patches.
+
+use super::gather::{self, LightBatch};
+use super::lit_chart::LitChart;
+use super::window::Window;
+use crate::film::tiling::Shade;
+use crate::hybrid::view::View;
+use crate::numerics::batch::{LANES, total};
+use crate::numerics::channels::largest_difference;
+use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::instructions::{Instructions, kernel};
+use crate::numerics::tolerance::Fineness;
+use crate::reflectance::{Reflectance, fresnel, lobe::Lobe};
+use crate::vector::Vec3;
+use std::f64::consts::FRAC_1_PI;
+
+/// The chart in the sample.
+pub struct ChartOffSample<'a> {
+    pub view: &'a View,
+    pub chart: &'a LitChart,
+    /// The same in smaller parts, which tells what its parabolas miss.
+    pub finer: &'a LitChart,
+    pub reflectance: &'a Reflectance,
+}
+
+impl Shade for ChartOffSample<'_> {
+    type Scratch = LightBatch;
+
+    fn at(&self, scratch: &mut LightBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
+        self.off(self.chart, scratch, place, fineness)
+    }
+
+    fn light_error(
+        &self,
+        scratch: &mut LightBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> (f64, u32) {
+        let [(coarse, first), (fine, second)] =
+            [self.chart, self.finer].map(|chart| self.off(chart, scratch, place, fineness));
+        (largest_difference(coarse, fine), first + second)
+    }
+}
+
+impl ChartOffSample<'_> {
+    fn off(
+        &self,
+        chart: &LitChart,
+        scratch: &mut LightBatch,
+        place: [f64; 2],
+        fineness: Fineness,
+    ) -> ([f64; 3], u32) {
+        let (position, wo) = self.view.sample_point(place);
+        let instructions = self.view.instructions;
+        reflected(
+            chart,
+            position,
+            wo,
+            self.reflectance,
+            fineness,
+            instructions,
+            scratch,
+        )
+    }
+}
+
+/// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
+/// units of white, and how many evaluations it took; for a lobe that is no thin sheet.
+fn reflected(
+    chart: &LitChart,
+    position: Vec3,
+    wo: Vec3,
+    reflectance: &Reflectance,
+    fineness: Fineness,
+    instructions: Instructions,
+    batch: &mut LightBatch,
+) -> ([f64; 3], u32) {
+    let window = Window::new(position, wo, reflectance, &chart.panel, fineness);
+    let response = reflectance.tint_response(wo.z);
+    // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
+    let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
+    batch.clear();
+    let levels = [wo.z, first, second];
+    gather::directions(
+        instructions,
+        chart,
+        position,
+        levels,
+        &window,
+        fineness,
+        batch,
+    );
+    let (lobe, ior) = (&reflectance.lobe, reflectance.ior);
+    let [fresnel, excess, diffuse] = integrals(instructions, batch, wo, lobe, ior, response.knee);
+    let share = reflectance.specular_share;
+    let specular = share * 0.25 * FRAC_1_PI * lobe.normalization;
+    let lambert = (1.0 - share) * FRAC_1_PI;
+    let radiance = std::array::from_fn(|channel| {
+        let tinted = response.at_moments(fresnel[channel], excess[channel])[channel];
+        specular * tinted + lambert * reflectance.rgb0[channel] * diffuse[channel]
+    });
+    (radiance, batch.count() as u32)
+}
+
+kernel! {
+    /// In each channel the integrals of the light times the lobe's power, cos_i / (|h| max(cos_i,
+    /// cos_o)) and Fresnel's reflectance; of the same with what that exceeds the tint's knee by;
+    /// and of the light times cos_i.
+    pub fn integrals(
+        batch: &LightBatch,
+        wo: Vec3,
+        lobe: &Lobe,
+        ior: f64,
+        knee: f64,
+    ) -> [[f64; 3]; 3] {
+        let (n_u, n_v) = (lobe.n_u, lobe.n_v);
+        // The lobe's axes in the world's frame.
+        let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+        let mut sums = [[[0.0; LANES]; 3]; 3];
+        for [x, y, z, r, g, b] in batch.blocks() {
+            let mut terms = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
+                let hu = u.x * hx + u.y * hy;
+                let hv = u.x * hy - u.y * hx;
+                let (hu2, hv2, hz2) = (hu * hu, hv * hv, hz * hz);
+                let tangential = hu2 + hv2;
+                let exponent = (n_u * hu2 + n_v * hv2) / (tangential + f64::MIN_POSITIVE);
+                let power = exp(-0.5 * exponent * log1p(tangential / hz2));
+                let cos_i = z[i];
+                let larger = if cos_i > wo.z { cos_i } else { wo.z };
+                let value = power * cos_i / ((tangential + hz2).sqrt() * larger);
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                let beyond = fresnel - knee;
+                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                terms[0][i] = value * fresnel;
+                terms[1][i] = value * beyond;
+                terms[2][i] = cos_i;
+            }
+            for (sums, term) in sums.iter_mut().zip(&terms) {
+                for (sum, light) in sums.iter_mut().zip([r, g, b]) {
+                    for i in 0..LANES {
+                        sum[i] += term[i] * light[i];
+                    }
+                }
+            }
+        }
+        sums.map(|channels| channels.map(total))
+    }
+}

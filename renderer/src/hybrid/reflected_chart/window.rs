@@ -1,0 +1,91 @@
+//! The directions that a lobe reaches.
+
+use crate::numerics::tolerance::Fineness;
+use crate::reflectance::Reflectance;
+use crate::reflectance::slope_plane::Slopes;
+use crate::scene::Panel;
+use crate::vector::Vec3;
+use std::f64::consts::PI;
+
+/// Digits beyond those that count at which the lobe's tail is cut.
+const TAIL_DIGITS: f64 = 1.0;
+
+/// Lobes that reach farther in the slope plane than this have no window.
+const WINDOW_REACH_MAX: f64 = 1.2;
+
+/// Points along each side of a lobe's reach at which the window is measured.
+const BOUNDARY_STEPS: u32 = 4;
+
+/// What is added to a window on either side, as a share of it.
+const WINDOW_MARGIN: f64 = 0.05;
+
+/// The directions that a lobe reaches, as a box of sines from the plane across x and of angles
+/// beta in it, and its widths there.
+pub struct Window {
+    /// The least sine and angle.
+    pub low: [f64; 2],
+    /// The largest.
+    pub high: [f64; 2],
+    /// The widths.
+    pub width: [f64; 2],
+}
+
+impl Window {
+    /// The box around what the lobe reaches from `position` toward `wo`.
+    pub fn new(
+        position: Vec3,
+        wo: Vec3,
+        reflectance: &Reflectance,
+        panel: &Panel,
+        fineness: Fineness,
+    ) -> Self {
+        debug_assert!(panel.x.x == 1.0 && position.z == 0.0);
+        let lobe = &reflectance.lobe;
+        let (reach_p, reach_q) = (
+            fineness.reach(lobe.n_u, TAIL_DIGITS),
+            fineness.reach(lobe.n_v, TAIL_DIGITS),
+        );
+        // Beyond it, the directions are no box about the mirror direction any more.
+        let wide = reflectance.specular_share < 1.0 || reach_p.max(reach_q) > WINDOW_REACH_MAX;
+        // One width is about 1/sqrt(n) of a slope: twice that of an angle up and down, and sideways
+        // less, the more so the lower the viewer stands.
+        let width = 2.0 / lobe.n_u.sqrt();
+        let mut window = Self {
+            low: [-1.0, 0.0],
+            high: [1.0, PI],
+            width: [width * wo.z.max(0.05), width],
+        };
+        if wide {
+            return window;
+        }
+        let slopes = Slopes::new(lobe.to_lobe(wo), lobe);
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for step in 0..4 * BOUNDARY_STEPS {
+            // Around the square of side 2.
+            let along = 2.0 * f64::from(step % BOUNDARY_STEPS) / f64::from(BOUNDARY_STEPS) - 1.0;
+            let (p, q) = match step / BOUNDARY_STEPS {
+                0 => (along, -1.0),
+                1 => (1.0, along),
+                2 => (-along, 1.0),
+                _ => (-1.0, -along),
+            };
+            let wi = lobe.to_surface(slopes.light(p * reach_p, q * reach_q));
+            if wi.z < 0.0 {
+                (low[1], high[1]) = (0.0, PI);
+            }
+            let place = [wi.x, libm::atan2(wi.z.max(0.0), wi.y)];
+            for axis in 0..2 {
+                low[axis] = low[axis].min(place[axis]);
+                high[axis] = high[axis].max(place[axis]);
+            }
+        }
+        for axis in 0..2 {
+            let reach = high[axis] - low[axis];
+            window.width[axis] = window.width[axis].min(reach / fineness.reach_widths(TAIL_DIGITS));
+            // Between the points of its boundary it may reach farther.
+            window.low[axis] = window.low[axis].max(low[axis] - WINDOW_MARGIN * reach);
+            window.high[axis] = window.high[axis].min(high[axis] + WINDOW_MARGIN * reach);
+        }
+        window
+    }
+}

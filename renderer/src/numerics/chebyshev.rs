@@ -1,0 +1,343 @@
+//! Products of Chebyshev series on rectangles.
+
+use super::channels::add_scaled;
+use super::polygon::{Polygon, Rectangle};
+use std::f64::consts::PI;
+
+/// The last terms along a side, by which what the series leaves out is judged.
+const TAIL: usize = 2;
+
+/// What it leaves out is less than this share of them, as coefficients fall from term to term: the
+/// true error of 95 pixels in 100 stays below half of what this gives.
+const LEFT_OUT: f64 = 0.4;
+
+/// A function of the film on a rectangle, in each channel the sum of `coefficients[j][i]` T_i along
+/// columns times T_j along rows.
+#[derive(Clone, Debug)]
+pub struct Tile<const TERMS: usize> {
+    /// Where.
+    pub rectangle: Rectangle,
+    coefficients: [[[f64; 3]; TERMS]; TERMS],
+}
+
+/// What the fit of a tile tells of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Fit {
+    /// A bound of the interpolation error, from the sizes of the last coefficients.
+    pub error: f64,
+    /// The part of it along columns and along rows.
+    pub tails: [f64; 2],
+    /// The least over the nodes of the largest channel.
+    pub least: f64,
+}
+
+/// The points of a rectangle at which a function has to be known, and its series from there.
+#[derive(Clone, Debug)]
+pub struct Basis<const TERMS: usize> {
+    /// Chebyshev's points on [-1, 1].
+    points: [f64; TERMS],
+    /// Coefficients from values at the points.
+    transform: [[f64; TERMS]; TERMS],
+}
+
+impl<const TERMS: usize> Basis<TERMS> {
+    /// The basis.
+    pub fn new() -> Self {
+        let count = TERMS as f64;
+        // cos(pi k / (2 n)) serves all of them: angles are odd multiples of pi / (2 n).
+        let cosine = |multiple: usize| libm::cos(0.5 * PI * multiple as f64 / count);
+        Self {
+            points: std::array::from_fn(|k| cosine(2 * k + 1)),
+            transform: std::array::from_fn(|i| {
+                let scale = if i == 0 { 1.0 } else { 2.0 } / count;
+                std::array::from_fn(|k| scale * cosine(i * (2 * k + 1)))
+            }),
+        }
+    }
+
+    /// The nodes of a rectangle, row by row.
+    pub fn nodes(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
+        let (Rectangle { low, high }, points) = (*rectangle, self.points);
+        let at = move |axis: usize, point: f64| {
+            0.5 * (low[axis] + high[axis]) + 0.5 * (high[axis] - low[axis]) * point
+        };
+        points
+            .into_iter()
+            .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
+    }
+
+    /// What series through the values on one row and on one column of nodes leave out, along each:
+    /// part of what a fit of all nodes finds.
+    pub fn cross_tails(&self, row: &[[f64; 3]; TERMS], column: &[[f64; 3]; TERMS]) -> [f64; 2] {
+        [row, column].map(|line| {
+            let mut sums = [0.0; 3];
+            for transform in &self.transform[TERMS - TAIL..] {
+                let mut coefficient = [0.0; 3];
+                for (value, factor) in line.iter().zip(transform) {
+                    add_scaled(&mut coefficient, *value, *factor);
+                }
+                add_scaled(&mut sums, coefficient.map(f64::abs), LEFT_OUT);
+            }
+            sums[0].max(sums[1]).max(sums[2])
+        })
+    }
+
+    /// Interpolates a function of these values at [`Basis::nodes`].
+    pub fn fit(
+        &self,
+        rectangle: Rectangle,
+        at_nodes: impl Iterator<Item = [f64; 3]>,
+    ) -> (Tile<TERMS>, Fit) {
+        let mut values = [[[0.0; 3]; TERMS]; TERMS];
+        let mut least = f64::INFINITY;
+        for (place, value) in values.iter_mut().flatten().zip(at_nodes) {
+            *place = value;
+            let brightest = value[0].max(value[1]).max(value[2]);
+            least = least.min(brightest);
+        }
+        let mut lines = [[[0.0; 3]; TERMS]; TERMS];
+        for (into, from) in lines.iter_mut().zip(&values) {
+            for (sum, transform) in into.iter_mut().zip(&self.transform) {
+                for (value, factor) in from.iter().zip(transform) {
+                    add_scaled(sum, *value, *factor);
+                }
+            }
+        }
+        let mut coefficients = [[[0.0; 3]; TERMS]; TERMS];
+        for (into, transform) in coefficients.iter_mut().zip(&self.transform) {
+            for (from, factor) in lines.iter().zip(transform) {
+                for (sum, value) in into.iter_mut().zip(from) {
+                    add_scaled(sum, *value, *factor);
+                }
+            }
+        }
+        let (error, tails) = tails(&coefficients);
+        let fit = Fit {
+            error,
+            tails,
+            least,
+        };
+        (
+            Tile {
+                rectangle,
+                coefficients,
+            },
+            fit,
+        )
+    }
+}
+
+/// The integrals of a tile over all cells of a grid, worked out a column and a row at a time.
+pub struct CellIntegrals<const TERMS: usize> {
+    /// For each column, the integral along it of each line of the series.
+    columns: Vec<[[f64; 3]; TERMS]>,
+    /// For each row, the integrals along it of the polynomials.
+    rows: Vec<[f64; TERMS]>,
+    scale: f64,
+}
+
+impl<const TERMS: usize> CellIntegrals<TERMS> {
+    /// The integral over the cell in a column and row of the grid: [`Tile::integral`], to the bit.
+    pub fn at(&self, column: usize, row: usize) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (partial, y) in self.columns[column].iter().zip(&self.rows[row]) {
+            add_scaled(&mut sum, *partial, *y);
+        }
+        sum.map(|value| self.scale * value)
+    }
+}
+
+impl<const TERMS: usize> Tile<TERMS> {
+    /// The integrals over the cells between neighbours of `columns` and `rows`, edges that lie
+    /// inside the tile, in rising order.
+    pub fn cell_integrals(&self, columns: &[f64], rows: &[f64]) -> CellIntegrals<TERMS> {
+        let [width, height] = self.rectangle.sides();
+        let along = |axis: usize, edges: &[f64]| -> Vec<[f64; TERMS]> {
+            let at_edges: Vec<[f64; TERMS]> = edges
+                .iter()
+                .map(|&edge| antiderivatives(self.local(axis, edge)))
+                .collect();
+            at_edges
+                .windows(2)
+                .map(|pair| std::array::from_fn(|i| pair[1][i] - pair[0][i]))
+                .collect()
+        };
+        let columns = along(0, columns)
+            .iter()
+            .map(|x| self.coefficients.map(|line| contract_line(&line, x)))
+            .collect();
+        CellIntegrals {
+            columns,
+            rows: along(1, rows),
+            scale: 0.25 * width * height,
+        }
+    }
+
+    /// The integral over a rectangle inside the tile, in square pixels.
+    pub fn integral(&self, cell: &Rectangle) -> [f64; 3] {
+        let [width, height] = self.rectangle.sides();
+        let factors: [[f64; TERMS]; 2] = std::array::from_fn(|axis| {
+            integrals(
+                self.local(axis, cell.low[axis]),
+                self.local(axis, cell.high[axis]),
+            )
+        });
+        self.contract(&factors[0], &factors[1])
+            .map(|value| 0.25 * width * height * value)
+    }
+
+    /// The integral over a polygon inside the tile, and the polygon's area.
+    pub fn integral_over(&self, polygon: &Polygon) -> ([f64; 3], f64) {
+        let (mut sum, mut area) = ([0.0; 3], 0.0);
+        polygon.for_each_point(|[column, row], weight| {
+            let x = values(self.local(0, column));
+            let y = values(self.local(1, row));
+            add_scaled(&mut sum, self.contract(&x, &y), weight);
+            area += weight;
+        });
+        (sum, area)
+    }
+
+    /// The value at a point.
+    pub fn value(&self, at: [f64; 2]) -> [f64; 3] {
+        let factors: [[f64; TERMS]; 2] =
+            std::array::from_fn(|axis| values(self.local(axis, at[axis])));
+        self.contract(&factors[0], &factors[1])
+    }
+
+    /// The same with further terms, all zero.
+    pub fn widened<const MORE: usize>(&self) -> Tile<MORE> {
+        const { assert!(MORE >= TERMS, "terms would be lost") };
+        let mut coefficients = [[[0.0; 3]; MORE]; MORE];
+        for (into, from) in coefficients.iter_mut().zip(&self.coefficients) {
+            into[..TERMS].copy_from_slice(from);
+        }
+        Tile {
+            rectangle: self.rectangle,
+            coefficients,
+        }
+    }
+
+    fn local(&self, axis: usize, at: f64) -> f64 {
+        let Rectangle { low, high } = &self.rectangle;
+        (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
+    }
+
+    fn contract(&self, x: &[f64; TERMS], y: &[f64; TERMS]) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (line, y) in self.coefficients.iter().zip(y) {
+            add_scaled(&mut sum, contract_line(line, x), *y);
+        }
+        sum
+    }
+}
+
+fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (coefficient, x) in line.iter().zip(x) {
+        add_scaled(&mut sum, *coefficient, *x);
+    }
+    sum
+}
+
+/// The sizes of the last coefficients, of the worst channel; and the part of them along columns and
+/// along rows, of all channels.
+fn tails<const TERMS: usize>(coefficients: &[[[f64; 3]; TERMS]; TERMS]) -> (f64, [f64; 2]) {
+    let (mut worst, mut tails) = (0.0f64, [0.0; 2]);
+    for channel in 0..3 {
+        let mut error = 0.0;
+        for (j, line) in coefficients.iter().enumerate() {
+            for (i, coefficient) in line.iter().enumerate() {
+                let size = coefficient[channel].abs();
+                let last = [i, j].map(|index| index >= TERMS - TAIL);
+                for (tail, last) in tails.iter_mut().zip(last) {
+                    *tail += if last { size } else { 0.0 };
+                }
+                error += if last[0] || last[1] { size } else { 0.0 };
+            }
+        }
+        worst = worst.max(LEFT_OUT * error);
+    }
+    (worst, tails)
+}
+
+/// T_0, T_1, ... at x.
+fn values<const TERMS: usize>(x: f64) -> [f64; TERMS] {
+    let mut values = [1.0; TERMS];
+    values[1] = x;
+    for i in 2..TERMS {
+        values[i] = 2.0 * x * values[i - 1] - values[i - 2];
+    }
+    values
+}
+
+/// Their integrals from `low` to `high`.
+fn integrals<const TERMS: usize>(low: f64, high: f64) -> [f64; TERMS] {
+    let (low, high) = (
+        antiderivatives::<TERMS>(low),
+        antiderivatives::<TERMS>(high),
+    );
+    std::array::from_fn(|i| high[i] - low[i])
+}
+
+/// (T_(i+1)/(i+1) - T_(i-1)/(i-1))/2, the antiderivative of T_i from i = 2 on.
+fn antiderivatives<const TERMS: usize>(x: f64) -> [f64; TERMS] {
+    let chebyshev = values::<TERMS>(x);
+    let last = 2.0 * x * chebyshev[TERMS - 1] - chebyshev[TERMS - 2];
+    std::array::from_fn(|i| match i {
+        0 => x,
+        1 => 0.5 * x * x,
+        _ => {
+            let n = i as f64;
+            let above = chebyshev.get(i + 1).copied().unwrap_or(last);
+            0.5 * (above / (n + 1.0) - chebyshev[i - 1] / (n - 1.0))
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn antiderivatives_are_those_of_the_polynomials() {
+        let step = 1e-5;
+        for x in [-0.9, -0.2, 0.0, 0.4, 1.0 - 2e-5] {
+            let slope = integrals::<8>(x - step, x + step).map(|rise| rise / (2.0 * step));
+            for (slope, value) in slope.into_iter().zip(values::<8>(x)) {
+                assert!(
+                    (slope - value).abs() < 1e-7,
+                    "{slope} against {value} at {x}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn a_product_of_polynomials_is_met_exactly() {
+        let rectangle = Rectangle {
+            low: [3.0, 5.0],
+            high: [11.0, 7.0],
+        };
+        let function = |x: f64, y: f64| [x * x * x * y, x + y * y, 1.0];
+        let basis = Basis::<8>::new();
+        let nodes = basis.nodes(&rectangle).map(|[x, y]| function(x, y));
+        let (tile, fit) = basis.fit(rectangle, nodes);
+        assert!(fit.error < 1e-9);
+        for (found, expected) in tile.value([4.5, 6.2]).into_iter().zip(function(4.5, 6.2)) {
+            assert!((found - expected).abs() < 1e-9 * expected);
+        }
+        let cell = Rectangle {
+            low: [4.0, 5.0],
+            high: [5.0, 6.0],
+        };
+        let expected = [
+            (625.0 - 256.0) / 4.0 * 5.5,
+            4.5 + (216.0 - 125.0) / 3.0,
+            1.0,
+        ];
+        for (found, expected) in tile.integral(&cell).into_iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-10 * expected);
+        }
+    }
+}

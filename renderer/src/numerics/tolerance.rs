@@ -1,0 +1,127 @@
+//! How fine a rule over a lobe is, and what that asks of it.
+
+use std::f64::consts::LN_10;
+
+/// So many digits more take at least one point more along every interval.
+const FINER_DIGITS: f64 = 3.3;
+
+/// Digits beyond those that count at which an integrand's tail is cut: the tail's integral is a
+/// few times what it is at the cut.
+const SPARE_DIGITS: f64 = 0.5;
+
+/// How fine a cubature over a lobe is: the decimal digits of its largest value that count.
+#[derive(Clone, Copy, Debug)]
+pub struct Fineness {
+    digits: f64,
+    /// Whether it is there to tell how far a coarser one is off.
+    check: bool,
+}
+
+impl Fineness {
+    /// For errors of about `error` times the lobe's largest value.
+    pub fn new(error: f64) -> Self {
+        Self {
+            digits: -libm::log10(error).clamp(-12.0, -2.0),
+            check: false,
+        }
+    }
+
+    /// The error asked for, as a share of the lobe's largest value.
+    pub fn error(self) -> f64 {
+        libm::exp10(-self.digits)
+    }
+
+    /// The next finer, which tells how far this one is off.
+    pub fn finer(self) -> Self {
+        Self {
+            digits: self.digits + FINER_DIGITS,
+            check: true,
+        }
+    }
+
+    /// A little finer, but no finer than `check`.
+    pub fn little_finer(self, check: Self) -> Self {
+        let digits = self.digits + 1.1;
+        if digits + 0.1 >= check.digits {
+            check
+        } else {
+            Self { digits, ..self }
+        }
+    }
+
+    /// The slope beyond which a lobe of exponent `n` is left out, where it has fallen by `more`
+    /// digits more than count; infinite for one that never does.
+    pub fn reach(self, n: f64, more: f64) -> f64 {
+        let exponent = 2.0 * LN_10 * (self.digits + more) / n;
+        if exponent > 600.0 {
+            f64::INFINITY
+        } else {
+            libm::expm1(exponent).sqrt()
+        }
+    }
+
+    /// Whether it is finer than another.
+    pub fn is_finer_than(self, other: Self) -> bool {
+        self.digits > other.digits
+    }
+
+    /// Whether it was made by [`Fineness::finer`].
+    pub fn is_check(self) -> bool {
+        self.check
+    }
+
+    /// Whether no finer one would gain anything.
+    pub fn is_finest(self) -> bool {
+        self.digits >= 12.0
+    }
+
+    /// From one end of a narrow lobe's reach to the other, in widths.
+    pub fn reach_widths(self, more: f64) -> f64 {
+        2.0 * (2.0 * LN_10 * (self.digits + more)).sqrt()
+    }
+
+    /// Gauss points for an interval of so many lobe widths: enough for a normal density wherever
+    /// the interval lies on it (found by trying), and `more` for what multiplies it.
+    #[inline(always)]
+    pub fn points(self, widths: f64, more: f64) -> usize {
+        let d = self.digits;
+        (0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more).ceil() as usize
+    }
+
+    /// How far the logarithm of an integrand falls before what is left no longer counts.
+    pub fn fall(self) -> f64 {
+        LN_10 * (self.digits + SPARE_DIGITS)
+    }
+
+    /// The fineness for a part of an integral that begins so far below the largest value: no digit
+    /// counts there that lies below the last of the whole.
+    #[inline(always)]
+    pub fn after_fall(self, fall: f64) -> Self {
+        Self {
+            digits: (self.digits - fall.max(0.0) / LN_10).max(1.0),
+            check: self.check,
+        }
+    }
+
+    /// Gauss points for an interval in which the logarithm of the integrand is largest somewhere
+    /// and falls by `falls` to either end, linearly or like a normal density's. Found by trying
+    /// 3 to 11 digits and falls of 0.1 to 26; `more` for what multiplies it.
+    #[inline(always)]
+    pub fn points_for_fall(self, falls: [f64; 2], more: f64) -> usize {
+        let d = self.digits;
+        let widths = falls[0].sqrt() + falls[1].sqrt();
+        (0.6 + 0.3 * d + (0.75 + 0.165 * d) * widths + more).ceil() as usize
+    }
+
+    /// The `more` for the squared cosine by which a disc's chords end.
+    pub fn more_on_disc(self) -> f64 {
+        2.8 + 0.27 * self.digits
+    }
+
+    /// The `more` for a function that is analytic less than pi/2 beside an interval of this
+    /// length: Gauss's rule of n points misses rho^(-2n) with ln rho = asinh(pi / length).
+    #[inline(always)]
+    pub fn more_beside(self, length: f64) -> f64 {
+        0.334 * self.digits * length
+    }
+}

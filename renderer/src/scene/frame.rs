@@ -1,0 +1,33 @@
+//! Orthonormal frames.
+
+use crate::vector::Vec3;
+
+/// A right-handed orthonormal frame, z the normal of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    /// Along the surface.
+    pub(super) x: Vec3,
+    /// Along the surface, to the left of x as seen from the front.
+    pub(super) y: Vec3,
+    /// The normal.
+    pub(super) z: Vec3,
+}
+
+impl Frame {
+    /// The frame of the sample: the world's.
+    pub(super) const WORLD: Self = Self {
+        x: Vec3::new(1.0, 0.0, 0.0),
+        y: Vec3::new(0.0, 1.0, 0.0),
+        z: Vec3::new(0.0, 0.0, 1.0),
+    };
+
+    /// A world direction in the frame.
+    pub fn to_local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(self.x.dot(v), self.y.dot(v), self.z.dot(v))
+    }
+
+    /// A direction of the frame in the world.
+    pub fn to_world(&self, v: Vec3) -> Vec3 {
+        self.x * v.x + self.y * v.y + self.z * v.z
+    }
+}
