@@ -11,7 +11,7 @@ use super::{FilmPixel, pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Tile};
 use crate::numerics::polygon::{Polygon, Rectangle};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
 use rayon::prelude::*;
 
@@ -49,7 +49,7 @@ pub struct Demand<'a> {
     /// Evaluations after which nothing is refined any more.
     pub evaluations_max: u64,
     /// How fine the function is worked out.
-    pub fineness: Fineness,
+    pub tolerance: Tolerance,
     /// What the function may be off by besides.
     pub function_error: f64,
 }
@@ -63,17 +63,17 @@ pub trait Shade: Sync {
     fn at(
         &self,
         scratch: &mut Self::Scratch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> ([f64; 3], u32);
 
-    /// What the function is off by at a place because of what it is told of the light, and
+    /// The error of the function at a film point that comes from the light given to it, and
     /// evaluations.
     fn light_error(
         &self,
         _scratch: &mut Self::Scratch,
-        _place: [f64; 2],
-        _fineness: Fineness,
+        _film_point: [f64; 2],
+        _tolerance: Tolerance,
     ) -> (f64, u32) {
         (0.0, 0)
     }
@@ -241,30 +241,30 @@ impl<S: Shade> Tiling<'_, S> {
         let demand = self.demand;
         let [low, high] = [rectangle.low, rectangle.high];
         let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-        let (light_error, first) = self.shade.light_error(scratch, middle, demand.fineness);
+        let (light_error, first) = self.shade.light_error(scratch, middle, demand.tolerance);
         let function_error = demand.function_error + light_error;
         let mut spent = u64::from(first);
-        let mut evaluate = |place: [f64; 2], fineness: Fineness| {
-            let (value, evaluations) = self.shade.at(scratch, place, fineness);
+        let mut evaluate = |film_point: [f64; 2], tolerance: Tolerance| {
+            let (value, evaluations) = self.shade.at(scratch, film_point, tolerance);
             spent += u64::from(evaluations);
             value
         };
         // What was added before counts: a pixel's target is for all of it.
         let before = self.before.least(rectangle, self.outline);
         // What a rule misses shows against the next finer one.
-        let mut fineness = demand.fineness;
-        let mut coarse = evaluate(middle, fineness);
+        let mut tolerance = demand.tolerance;
+        let mut coarse = evaluate(middle, tolerance);
         let missed = loop {
-            let fine = evaluate(middle, fineness.finer());
+            let fine = evaluate(middle, tolerance.finer());
             let missed = largest_difference(coarse, fine);
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            if missed <= RULE_SHARE * self.allowed(brightness, effort) || fineness.is_finest() {
+            if missed <= RULE_SHARE * self.allowed(brightness, effort) || tolerance.is_finest() {
                 break missed + function_error;
             }
-            (fineness, coarse) = (fineness.finer(), fine);
+            (tolerance, coarse) = (tolerance.finer(), fine);
         };
         let nodes = self.basis.nodes(rectangle);
-        let values = nodes.map(|node| evaluate(node, fineness));
+        let values = nodes.map(|node| evaluate(node, tolerance));
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
@@ -272,7 +272,7 @@ impl<S: Shade> Tiling<'_, S> {
         let off_corners = rectangle
             .corners()
             .map(|corner| {
-                let found = evaluate(corner, fineness);
+                let found = evaluate(corner, tolerance);
                 largest_difference(found, tile.value(corner))
             })
             .into_iter()
@@ -294,7 +294,7 @@ impl<S: Shade> Tiling<'_, S> {
             .map(|region| {
                 let covered = region.outline.clipped(rectangle);
                 let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
-                    evaluate([column, row], fineness)
+                    evaluate([column, row], tolerance)
                 });
                 (value, error + missed * covered.area())
             })
@@ -357,8 +357,8 @@ fn add_region(
     value: [f64; 3],
     error: f64,
 ) {
-    let place = (cell.low[0] as u32, cell.low[1] as u32);
+    let index = (cell.low[0] as u32, cell.low[1] as u32);
     let gain = region.factor.into_iter().fold(0.0, f64::max);
     let scaled = std::array::from_fn(|channel| region.factor[channel] * value[channel]);
-    canvas.add(place, scaled, gain * error);
+    canvas.add(index, scaled, gain * error);
 }

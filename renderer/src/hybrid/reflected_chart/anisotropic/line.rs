@@ -24,7 +24,7 @@ impl Point<'_> {
     /// Adds the points of the line of this q, whose integral along p has this weight.
     #[inline(always)]
     pub fn add_line(&self, q: f64, weight: f64, scratch: &mut LineScratch, batch: &mut PieceBatch) {
-        let lobe = &self.glossy.reflectance.lobe;
+        let lobe = &self.anisotropic.reflectance.lobe;
         let q2 = q * q;
         // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
         let widening = if q2 > 1e-12 { log1p(q2) / q2 } else { 1.0 };
@@ -64,14 +64,15 @@ impl Point<'_> {
         let depth = self.depth.on_line(q);
         let depths = [-reach, 0.0, reach].map(|p| depth.value(p));
         let in_front = depths.iter().all(|&depth| depth > 0.0);
-        let panel = &self.glossy.chart.panel;
-        let counts = [panel.columns, panel.rows];
-        let places = [&self.across, &self.up].map(|place| place.on_line(q));
-        let mut lines = [[0, panel.columns], [0, panel.rows]];
+        let plane = &self.anisotropic.chart.plane;
+        let counts = [plane.columns, plane.rows];
+        let positions = [&self.across, &self.up].map(|position| position.on_line(q));
+        let mut lines = [[0, plane.columns], [0, plane.rows]];
         if in_front {
             for axis in 0..2 {
                 let at = [-reach, 0.0, reach];
-                let at: [f64; 3] = std::array::from_fn(|i| places[axis].value(at[i]) / depths[i]);
+                let at: [f64; 3] =
+                    std::array::from_fn(|i| positions[axis].value(at[i]) / depths[i]);
                 let [low, high] = [at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2])];
                 // Between the three it may bend, but by less than a patch.
                 let most = f64::from(counts[axis]);
@@ -85,10 +86,10 @@ impl Point<'_> {
             }
         }
         for axis in 0..2 {
-            let (place, other) = (&places[axis], &places[1 - axis]);
+            let (position, other) = (&positions[axis], &positions[1 - axis]);
             let most = f64::from(counts[1 - axis]);
             for edge in lines[axis][0]..=lines[axis][1] {
-                let edge = place.less(f64::from(edge), &depth);
+                let edge = position.less(f64::from(edge), &depth);
                 if !edge.may_vanish(reach) {
                     continue;
                 }
@@ -122,9 +123,10 @@ impl Point<'_> {
     ) -> Option<[f64; 2]> {
         let middle = 0.5 * (from + to);
         let depth = self.depth.value(middle, q);
-        let [across, up] = [&self.across, &self.up].map(|place| place.value(middle, q) / depth);
-        let chart = self.glossy.chart;
-        let [columns, rows] = [chart.panel.columns, chart.panel.rows];
+        let [across, up] =
+            [&self.across, &self.up].map(|position| position.value(middle, q) / depth);
+        let chart = self.anisotropic.chart;
+        let [columns, rows] = [chart.plane.columns, chart.plane.rows];
         let on_chart = depth > 0.0
             && (0.0..f64::from(columns)).contains(&across)
             && (0.0..f64::from(rows)).contains(&up);
@@ -149,7 +151,7 @@ impl Point<'_> {
         Some([across, up])
     }
 
-    /// Adds the points of a line. Light is a smooth function of the place on the chart, told beyond
+    /// Adds the points of a line. Light is a smooth function of the position on the chart, told beyond
     /// its edges by the parabolas of the outer patches.
     #[inline(always)]
     fn add_points(
@@ -161,7 +163,7 @@ impl Point<'_> {
         batch: &mut PieceBatch,
     ) {
         let depth = self.depth.on_line(q);
-        let [across, up] = [&self.across, &self.up].map(|place| place.on_line(q));
+        let [across, up] = [&self.across, &self.up].map(|position| position.on_line(q));
         let inverse_densities = self.order.inverse_densities();
         for (k, &z) in self.order.nodes().iter().enumerate() {
             let p = z / per_width;
@@ -188,8 +190,8 @@ impl Point<'_> {
     /// The light on the chart, in patches from its corner.
     #[inline(always)]
     fn light(&self, at: [f64; 2]) -> [f64; 3] {
-        let chart = self.glossy.chart;
-        let counts = [chart.panel.columns, chart.panel.rows].map(f64::from);
+        let chart = self.anisotropic.chart;
+        let counts = [chart.plane.columns, chart.plane.rows].map(f64::from);
         let cell: [u32; 2] =
             std::array::from_fn(|axis| at[axis].clamp(0.0, counts[axis] - 1.0) as u32);
         let within =

@@ -178,9 +178,9 @@ static TABLE: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
 fn table(z: f64) -> [f64; 2] {
     const STEP: f64 = 1.0 / TABLE_STEPS as f64;
     let z = z.clamp(-TABLE_END, TABLE_END);
-    let place = (z + TABLE_END) * TABLE_STEPS as f64;
-    let index = place as usize;
-    let x = place - index as f64;
+    let position = (z + TABLE_END) * TABLE_STEPS as f64;
+    let index = position as usize;
+    let x = position - index as f64;
     let entries = &TABLE[index..index + 2];
     let ([mass, density], [next_mass, next_density]) = (entries[0], entries[1]);
     let at = index as f64 * STEP - TABLE_END;
