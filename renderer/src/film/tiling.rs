@@ -215,6 +215,60 @@ impl Brightness {
     }
 }
 
+/// The function on a row and a column of a tile's nodes, where it is looked at first.
+struct Cross {
+    row: [[f64; 3]; TERMS],
+    column: [[f64; 3]; TERMS],
+}
+
+impl Cross {
+    /// The row and the column that cross.
+    const AT: usize = TERMS / 2;
+
+    fn of<S: Shade>(
+        shade: &S,
+        nodes: &[[f64; 2]],
+        tolerance: Tolerance,
+        scratch: &mut S::Scratch,
+        spent: &mut u64,
+    ) -> Self {
+        let mut at = |index: usize| {
+            let (value, evaluations) = shade.at(scratch, nodes[index], tolerance);
+            *spent += u64::from(evaluations);
+            value
+        };
+        let row: [_; TERMS] = std::array::from_fn(|i| at(Self::AT * TERMS + i));
+        let column = std::array::from_fn(|j| {
+            if j == Self::AT {
+                row[Self::AT]
+            } else {
+                at(j * TERMS + Self::AT)
+            }
+        });
+        Self { row, column }
+    }
+
+    /// The value at a node that it holds.
+    fn value(&self, index: usize) -> Option<[f64; 3]> {
+        let (j, i) = (index / TERMS, index % TERMS);
+        if j == Self::AT {
+            Some(self.row[i])
+        } else if i == Self::AT {
+            Some(self.column[j])
+        } else {
+            None
+        }
+    }
+
+    /// The least of the nodes' largest channels.
+    fn least(&self) -> f64 {
+        let values = self.row.iter().chain(&self.column);
+        values
+            .map(|[r, g, b]| r.max(*g).max(*b))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
 struct Tiling<'a, S> {
     /// The film as it was.
     before: Brightness,
@@ -239,32 +293,34 @@ impl<S: Shade> Tiling<'_, S> {
             return (Growth::Nothing, 0);
         }
         let demand = self.demand;
-        let [low, high] = [rectangle.low, rectangle.high];
-        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-        let (light_error, first) = self.shade.light_error(scratch, middle, demand.tolerance);
-        let function_error = demand.function_error + light_error;
-        let mut spent = u64::from(first);
+        let mut spent = 0;
+        // What was added before counts: a pixel's target is for all of it.
+        let before = self.before.least(rectangle, self.outline);
+        let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
+        let cross = Cross::of(self.shade, &nodes, demand.tolerance, scratch, &mut spent);
+        if effort != Effort::None {
+            let allowed = self.allowed(before + self.gain * cross.least(), effort);
+            let tails = self.basis.cross_tails(&cross.row, &cross.column);
+            let steep = usize::from(tails[1] > tails[0]);
+            if tails[steep] > allowed
+                && let Some(axis) = axis_to_halve(rectangle, steep)
+            {
+                return (Growth::Halves(rectangle.halves(axis)), spent);
+            }
+        }
+        let (tolerance, missed) = self.rule(rectangle, before, effort, scratch, &mut spent);
         let mut evaluate = |film_point: [f64; 2], tolerance: Tolerance| {
             let (value, evaluations) = self.shade.at(scratch, film_point, tolerance);
             spent += u64::from(evaluations);
             value
         };
-        // What was added before counts: a pixel's target is for all of it.
-        let before = self.before.least(rectangle, self.outline);
-        // What a rule misses shows against the next finer one.
-        let mut tolerance = demand.tolerance;
-        let mut coarse = evaluate(middle, tolerance);
-        let missed = loop {
-            let fine = evaluate(middle, tolerance.finer());
-            let missed = largest_difference(coarse, fine);
-            let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            if missed <= RULE_SHARE * self.allowed(brightness, effort) || tolerance.is_finest() {
-                break missed + function_error;
-            }
-            (tolerance, coarse) = (tolerance.finer(), fine);
-        };
-        let nodes = self.basis.nodes(rectangle);
-        let values = nodes.map(|node| evaluate(node, tolerance));
+        let values = nodes
+            .iter()
+            .enumerate()
+            .map(|(index, node)| match cross.value(index) {
+                Some(value) if !tolerance.is_finer_than(demand.tolerance) => value,
+                _ => evaluate(*node, tolerance),
+            });
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
@@ -300,6 +356,42 @@ impl<S: Shade> Tiling<'_, S> {
             })
             .collect();
         (Growth::Pixel(*rectangle, parts), spent)
+    }
+
+    /// How fine the function has to be worked out on a rectangle, and what it may then be off by.
+    fn rule(
+        &self,
+        rectangle: &Rectangle,
+        before: f64,
+        effort: Effort,
+        scratch: &mut S::Scratch,
+        spent: &mut u64,
+    ) -> (Tolerance, f64) {
+        let [low, high] = [rectangle.low, rectangle.high];
+        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        let mut tolerance = self.demand.tolerance;
+        let (light_error, first) = self.shade.light_error(scratch, middle, tolerance);
+        *spent += u64::from(first);
+        let mut evaluate = |tolerance: Tolerance| {
+            let (value, evaluations) = self.shade.at(scratch, middle, tolerance);
+            *spent += u64::from(evaluations);
+            value
+        };
+        // What a rule misses shows against a finer one.
+        let mut check = tolerance.finer();
+        let mut fine = evaluate(check);
+        loop {
+            let missed = largest_difference(evaluate(tolerance), fine);
+            let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
+            if missed <= RULE_SHARE * self.allowed(brightness, effort) || tolerance.is_finest() {
+                return (tolerance, missed + self.demand.function_error + light_error);
+            }
+            tolerance = tolerance.little_finer(check);
+            if tolerance.is_check() {
+                check = tolerance.finer();
+                fine = evaluate(check);
+            }
+        }
     }
 
     /// The error allowed to the function where a pixel is so bright.

@@ -21,7 +21,7 @@ pub const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
 pub const CHART_EVALUATIONS_MIN: u64 = 2_000_000;
 
 /// The same for the chart off a highly anisotropic lobe, where each takes three times as long.
-pub const ANISOTROPIC_EVALUATIONS_PER_PIXEL: u64 = 320;
+pub const ANISOTROPIC_EVALUATIONS_PER_PIXEL: u64 = 800;
 pub const ANISOTROPIC_EVALUATIONS_MIN: u64 = 5_000_000;
 
 /// Tiles are as long as this many features of the function on them.

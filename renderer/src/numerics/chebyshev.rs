@@ -66,6 +66,22 @@ impl<const TERMS: usize> Basis<TERMS> {
             .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
     }
 
+    /// What series through the values on one row and on one column of nodes leave out, along each:
+    /// part of what a fit of all nodes finds.
+    pub fn cross_tails(&self, row: &[[f64; 3]; TERMS], column: &[[f64; 3]; TERMS]) -> [f64; 2] {
+        [row, column].map(|line| {
+            let mut sums = [0.0; 3];
+            for transform in &self.transform[TERMS - TAIL..] {
+                let mut coefficient = [0.0; 3];
+                for (value, factor) in line.iter().zip(transform) {
+                    add_scaled(&mut coefficient, *value, *factor);
+                }
+                add_scaled(&mut sums, coefficient.map(f64::abs), LEFT_OUT);
+            }
+            sums[0].max(sums[1]).max(sums[2])
+        })
+    }
+
     /// Interpolates a function of these values at [`Basis::nodes`].
     pub fn fit(
         &self,

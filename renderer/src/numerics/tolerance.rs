@@ -40,6 +40,16 @@ impl Tolerance {
         }
     }
 
+    /// A little finer, but no finer than `check`.
+    pub fn little_finer(self, check: Self) -> Self {
+        let digits = self.digits + 1.1;
+        if digits + 0.1 >= check.digits {
+            check
+        } else {
+            Self { digits, ..self }
+        }
+    }
+
     /// The slope beyond which a lobe of exponent `n` is left out, where it has fallen by `more`
     /// digits more than count; infinite for one that never does.
     pub fn reach(self, n: f64, more: f64) -> f64 {
@@ -49,6 +59,11 @@ impl Tolerance {
         } else {
             libm::expm1(exponent).sqrt()
         }
+    }
+
+    /// Whether it is finer than another.
+    pub fn is_finer_than(self, other: Self) -> bool {
+        self.digits > other.digits
     }
 
     /// Whether it was made by [`Tolerance::finer`].

@@ -113,7 +113,7 @@ impl LitChart {
 
 /// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
 #[inline(always)]
-fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
+pub fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
     let x = 2.0 * along - 1.0;
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }

@@ -8,11 +8,11 @@ use crate::vector::Vec3;
 /// tint at its knee.
 pub struct Branches {
     /// Light as high as the viewer.
-    even: Conic,
+    pub(super) even: Conic,
     /// Fresnel's reflectance at the knee; none where there is no such direction.
     knees: [Option<Conic>; 2],
-    knee: f64,
-    ior: f64,
+    pub(super) knee: f64,
+    pub(super) ior: f64,
 }
 
 impl Branches {
@@ -31,16 +31,8 @@ impl Branches {
         std::iter::once(&self.even).chain(self.knees.iter().flatten())
     }
 
-    /// Whether light stands lower than the viewer at (p, q), and whether the tint is beyond its
-    /// knee.
-    #[inline(always)]
-    pub fn at(&self, wo: Vec3, p: f64, q: f64) -> [bool; 2] {
-        let low = self.even.value(p, q) < 0.0;
-        if self.knee > 1.0 {
-            return [low, false];
-        }
-        let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) / (1.0 + p * p + q * q) - wo.z;
-        let beyond = fresnel::reflectance(cos_i.max(0.0), self.ior) > self.knee;
-        [low, beyond]
+    /// Whether the tint has a knee.
+    pub fn has_knee(&self) -> bool {
+        self.knee <= 1.0
     }
 }

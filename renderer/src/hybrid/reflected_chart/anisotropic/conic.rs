@@ -1,5 +1,6 @@
 //! Curves of the slope plane on which a linear function of the light's direction vanishes.
 
+use crate::numerics::batch::LANES;
 use crate::vector::Vec3;
 
 /// c(p, q), a polynomial of degree two in the slopes of the half vector.
@@ -55,15 +56,20 @@ impl Conic {
     /// Its value.
     #[inline(always)]
     pub fn value(&self, p: f64, q: f64) -> f64 {
-        self.on_line(q).value(p)
+        self.one + q * (self.q + q * self.qq) + p * (self.p + self.pq * q + p * self.pp)
     }
 
-    /// The polynomial in p on the line of this q.
+    /// The polynomials in p on lines of these q.
     #[inline(always)]
-    pub fn on_line(&self, q: f64) -> Quadratic {
-        Quadratic {
-            c0: self.one + q * (self.q + q * self.qq),
-            c1: self.p + self.pq * q,
+    pub fn on_lines(&self, q: &[f64; LANES]) -> Quadratics {
+        let (mut c0, mut c1) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            c0[i] = self.one + q[i] * (self.q + q[i] * self.qq);
+            c1[i] = self.p + self.pq * q[i];
+        }
+        Quadratics {
+            c0,
+            c1,
             c2: self.pp,
         }
     }
@@ -103,28 +109,6 @@ pub struct Quadratic {
 }
 
 impl Quadratic {
-    /// Its value.
-    #[inline(always)]
-    pub fn value(&self, x: f64) -> f64 {
-        self.c0 + x * (self.c1 + x * self.c2)
-    }
-
-    /// This less `factor` times another.
-    #[inline(always)]
-    pub fn less(&self, factor: f64, other: &Self) -> Self {
-        Self {
-            c0: self.c0 - factor * other.c0,
-            c1: self.c1 - factor * other.c1,
-            c2: self.c2 - factor * other.c2,
-        }
-    }
-
-    /// Whether it may vanish within `reach` of 0.
-    #[inline(always)]
-    pub fn may_vanish(&self, reach: f64) -> bool {
-        self.c0.abs() <= reach * (self.c1.abs() + reach * self.c2.abs())
-    }
-
     /// Its zeros; infinite for each that there is not.
     #[inline(always)]
     pub fn zeros(&self) -> [f64; 2] {
@@ -143,6 +127,68 @@ impl Quadratic {
             }
         };
         [finite(self.c0 / sum), finite(sum / self.c2)]
+    }
+}
+
+/// c0 + c1 x + c2 x^2 for lines side by side, which share c2.
+#[derive(Clone, Copy, Debug)]
+pub struct Quadratics {
+    c0: [f64; LANES],
+    c1: [f64; LANES],
+    c2: f64,
+}
+
+impl Quadratics {
+    /// Their values.
+    #[inline(always)]
+    pub fn values(&self, x: &[f64; LANES]) -> [f64; LANES] {
+        let mut values = [0.0; LANES];
+        for i in 0..LANES {
+            values[i] = self.c0[i] + x[i] * (self.c1[i] + x[i] * self.c2);
+        }
+        values
+    }
+
+    /// These less `factor` times others.
+    #[inline(always)]
+    pub fn less(&self, factor: f64, other: &Self) -> Self {
+        let (mut c0, mut c1) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            c0[i] = self.c0[i] - factor * other.c0[i];
+            c1[i] = self.c1[i] - factor * other.c1[i];
+        }
+        Self {
+            c0,
+            c1,
+            c2: self.c2 - factor * other.c2,
+        }
+    }
+
+    /// Whether any may vanish within `reach` of 0.
+    #[inline(always)]
+    pub fn may_vanish(&self, reach: &[f64; LANES]) -> bool {
+        let mut any = false;
+        for i in 0..LANES {
+            let slope = self.c1[i].abs() + reach[i] * self.c2.abs();
+            any |= self.c0[i].abs() <= reach[i] * slope;
+        }
+        any
+    }
+
+    /// Their zeros; not finite for each that there is not.
+    #[inline(always)]
+    pub fn zeros(&self) -> [[f64; LANES]; 2] {
+        let mut zeros = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let discriminant = self.c1[i] * self.c1[i] - 4.0 * self.c0[i] * self.c2;
+            // The sum that does not cancel; the other zero is the quotient of the two ends. Of a
+            // negative discriminant it is not a number.
+            let root = discriminant.sqrt();
+            let sum = -0.5 * (self.c1[i] + if self.c1[i] < 0.0 { -root } else { root });
+            zeros[0][i] = self.c0[i] / sum;
+            zeros[1][i] = sum / self.c2;
+        }
+        zeros
     }
 }
 

@@ -1,202 +1,579 @@
-//! A line of constant q in the slope plane: pieces of patches, in closed form along p.
+//! Lines of constant q in the slope plane: pieces of patches, in closed form along p.
+//!
+//! Lines are worked out side by side, one a lane. A line is cut where an edge of a patch crosses it
+//! and where the integrand bends. Each piece adds its moments, times its patch's reflectance, to
+//! those of its line; then a few points along the line tell what multiplies the density.
 
-use super::kernel::PieceBatch;
-use super::moments::{self, Moments, POINTS_MAX};
-use super::point::Point;
-use crate::hybrid::reflected_chart::lit_chart::patch_at;
-use crate::numerics::elementary::log1p;
+use super::conic::Quadratics;
+use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
+use super::point::{LIGHT_CHANNELS, Point};
+use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
+use crate::numerics::batch::{Batch, LANES, total};
+use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::instructions::kernel;
+use crate::reflectance::fresnel;
 
-/// Buffers.
-#[derive(Default)]
-pub struct LineScratch {
-    /// Where pieces end.
-    ends: Vec<f64>,
+/// Numbers side by side, one a line.
+type Lanes = [f64; LANES];
+
+/// The lines of a rule: q, and the weight of the integral along p.
+pub type Lines = Batch<2>;
+
+/// Where lines are cut, row by row in ascending order, and `f64::INFINITY` after a line's last.
+pub type Cuts = Vec<Lanes>;
+
+/// What lines add up to, by channel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineSums {
+    /// The integral of the light times the lobe and Fresnel's reflectance.
+    pub fresnel: [f64; 3],
+    /// The same with what that exceeds the tint's knee by.
+    pub excess: [f64; 3],
+    /// Points at which the lobe was evaluated.
+    pub evaluations: u32,
 }
 
-/// Weights of the points of a line, by whether the tint is beyond its knee; then by channel where
-/// light stands higher than the viewer, and by channel where lower.
-struct Weights {
-    used: [bool; 2],
-    weights: [[[f64; POINTS_MAX]; 6]; 2],
-}
-
-impl Point<'_> {
-    /// Adds the points of the line of this q, whose integral along p has this weight.
-    #[inline(always)]
-    pub fn add_line(&self, q: f64, weight: f64, scratch: &mut LineScratch, batch: &mut PieceBatch) {
-        let lobe = &self.anisotropic.reflectance.lobe;
-        let q2 = q * q;
-        // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
-        let widening = if q2 > 1e-12 { log1p(q2) / q2 } else { 1.0 };
-        let per_width = (lobe.n_u * widening).sqrt();
-        let reach = self.reach / per_width;
-        let ends = &mut scratch.ends;
-        if !self.find_ends(q, reach, ends) {
-            return;
+kernel! {
+    /// Adds up lines as seen from a point.
+    pub fn add_lines(point: &Point<'_>, lines: &Lines, cuts: &mut Cuts) -> LineSums {
+        match point.order {
+            Order::Three => sum(point, &moments::THREE, lines, cuts),
+            Order::Five => sum(point, &moments::FIVE, lines, cuts),
+            Order::Seven => sum(point, &moments::SEVEN, lines, cuts),
         }
-        let mut weights = Weights {
-            used: [false; 2],
-            weights: [[[0.0; POINTS_MAX]; 6]; 2],
+    }
+}
+
+#[inline(always)]
+fn sum<const N: usize>(
+    point: &Point<'_>,
+    order: &Nodes<N>,
+    lines: &Lines,
+    cuts: &mut Cuts,
+) -> LineSums {
+    let table = &*moments::TABLE;
+    let mut sums = Sums::default();
+    for [q, weight] in lines.blocks() {
+        let block = Block::new(point, q);
+        let Some(lattice) = block.lattice(point) else {
+            continue;
         };
-        let (mut from, mut below) = (-reach, moments::NOTHING);
-        let mut seen = None;
-        for index in 0..=ends.len() {
-            let (to, above) = match ends.get(index) {
-                Some(&end) => (end, moments::up_to(end * per_width)),
-                None => (reach, moments::EVERYTHING),
-            };
-            let piece = [from, to];
-            if let Some(at) = self.add_piece(q, piece, [&below, &above], &mut weights) {
-                seen = Some(at);
-            }
-            (from, below) = (to, above);
+        block.cut(point, lattice, cuts);
+        let seen = block.pieces::<N>(point, table, cuts);
+        sums.points += seen.lines(weight) * N as u32;
+        if seen.used != [false; PARTS] {
+            block.add_points(point, order, weight, &seen, &mut sums);
         }
-        if let Some(seen) = seen {
-            self.add_points([q, per_width], weight / per_width, &weights, seen, batch);
+    }
+    LineSums {
+        fresnel: sums.fresnel.map(total),
+        excess: sums.excess.map(total),
+        evaluations: sums.points,
+    }
+}
+
+/// Sums by channel and lane.
+#[derive(Default)]
+struct Sums {
+    fresnel: [Lanes; 3],
+    excess: [Lanes; 3],
+    points: u32,
+}
+
+/// Where pieces can lie: light higher than the viewer, or lower; and the same beyond the tint's knee
+/// once more.
+const PARTS: usize = 4;
+const HIGH: usize = 0;
+const LOW: usize = 1;
+const BEYOND: usize = 2;
+
+/// What the lines show of the chart.
+struct Seen<const N: usize> {
+    /// The moments of pieces times their patches' reflectances, by part and channel.
+    moments: [[Moments<N>; 3]; PARTS],
+    /// Whether any line has such a part.
+    used: [bool; PARTS],
+    /// The middle of a line's last piece on the chart, in patches from its corner.
+    middle: [Lanes; 2],
+    /// 1 for a line that shows anything of the chart, 0 for one that does not.
+    shows: Lanes,
+}
+
+impl<const N: usize> Seen<N> {
+    /// How many lines of a weight show anything.
+    #[inline(always)]
+    fn lines(&self, weight: &Lanes) -> u32 {
+        let shown = self.shows.iter().zip(weight);
+        shown
+            .filter(|(shows, weight)| **shows * **weight != 0.0)
+            .count() as u32
+    }
+}
+
+/// Lines side by side.
+struct Block<'a> {
+    q: &'a Lanes,
+    /// Widths of the lobe along p for a unit of slope.
+    per_width: Lanes,
+    /// The p up to which a line is integrated, to either side.
+    reach: Lanes,
+    /// The position on the chart in patches from its corner, times the depth; and the depth.
+    positions: [Quadratics; 2],
+    depth: Quadratics,
+}
+
+impl<'a> Block<'a> {
+    #[inline(always)]
+    fn new(point: &Point<'_>, q: &'a Lanes) -> Self {
+        let n_u = point.anisotropic.reflectance.lobe.n_u;
+        let (mut per_width, mut reach) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
+            let q2 = q[i] * q[i] + f64::MIN_POSITIVE;
+            per_width[i] = (n_u * (log1p(q2) / q2)).sqrt();
+            reach[i] = point.reach / per_width[i];
+        }
+        Self {
+            q,
+            per_width,
+            reach,
+            positions: [point.across.on_lines(q), point.up.on_lines(q)],
+            depth: point.depth.on_lines(q),
         }
     }
 
-    /// Where on the line pieces end: edges of patches and bends of the integrand. False where the line
-    /// shows nothing of the chart.
+    /// The first and last edges between patches, along both axes, that may cross one of the lines;
+    /// `None` if no line shows anything of the chart.
     #[inline(always)]
-    fn find_ends(&self, q: f64, reach: f64, ends: &mut Vec<f64>) -> bool {
-        ends.clear();
-        let depth = self.depth.on_line(q);
-        let depths = [-reach, 0.0, reach].map(|p| depth.value(p));
-        let in_front = depths.iter().all(|&depth| depth > 0.0);
-        let plane = &self.anisotropic.chart.plane;
-        let counts = [plane.columns, plane.rows];
-        let positions = [&self.across, &self.up].map(|position| position.on_line(q));
-        let mut lines = [[0, plane.columns], [0, plane.rows]];
-        if in_front {
-            for axis in 0..2 {
-                let at = [-reach, 0.0, reach];
-                let at: [f64; 3] =
-                    std::array::from_fn(|i| positions[axis].value(at[i]) / depths[i]);
-                let [low, high] = [at[0].min(at[1]).min(at[2]), at[0].max(at[1]).max(at[2])];
+    fn lattice(&self, point: &Point<'_>) -> Option<[[u32; 2]; 2]> {
+        let [mut ends, mut depths] = [[[0.0; LANES]; 3]; 2];
+        for i in 0..LANES {
+            ends[0][i] = -self.reach[i];
+            ends[2][i] = self.reach[i];
+        }
+        for (depth, end) in depths.iter_mut().zip(&ends) {
+            *depth = self.depth.values(end);
+        }
+        let (mut in_front, mut dark) = ([false; LANES], [false; LANES]);
+        for i in 0..LANES {
+            in_front[i] = (depths[0][i] > 0.0) & (depths[1][i] > 0.0) & (depths[2][i] > 0.0);
+        }
+        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut spans = [[[0.0; LANES]; 2]; 2];
+        for axis in 0..2 {
+            let most = point.counts[axis];
+            let at = [0, 1, 2].map(|end| self.positions[axis].values(&ends[end]));
+            for i in 0..LANES {
+                let [a, b, c] = [0, 1, 2].map(|end| at[end][i] / depths[end][i]);
+                let low = if a < b { a } else { b };
+                let low = if low < c { low } else { c };
+                let high = if a > b { a } else { b };
+                let high = if high > c { high } else { c };
+                spans[axis][0][i] = if in_front[i] { low } else { 0.0 };
+                spans[axis][1][i] = if in_front[i] { high } else { most };
                 // Between the three it may bend, but by less than a patch.
-                let most = f64::from(counts[axis]);
-                if high < -1.0 || low > most + 1.0 {
-                    return false;
-                }
-                lines[axis] = [
-                    low.max(0.0) as u32,
-                    (high.min(most - 1.0).max(-1.0) + 1.0) as u32,
-                ];
+                dark[i] |= in_front[i] & ((high < -1.0) | (low > most + 1.0));
             }
         }
+        if dark == [true; LANES] {
+            return None;
+        }
         for axis in 0..2 {
-            let (position, other) = (&positions[axis], &positions[1 - axis]);
-            let most = f64::from(counts[1 - axis]);
-            for edge in lines[axis][0]..=lines[axis][1] {
-                let edge = position.less(f64::from(edge), &depth);
-                if !edge.may_vanish(reach) {
+            for i in 0..LANES {
+                let [low, high] = [0, 1].map(|end| spans[axis][end][i]);
+                let [least, most] = &mut bounds[axis];
+                *least = if !dark[i] & (low < *least) {
+                    low
+                } else {
+                    *least
+                };
+                *most = if !dark[i] & (high > *most) {
+                    high
+                } else {
+                    *most
+                };
+            }
+        }
+        Some([0, 1].map(|axis| {
+            let ([low, high], most) = (bounds[axis], point.counts[axis]);
+            [
+                low.max(0.0).min(most) as u32,
+                (high.min(most - 1.0).max(-1.0) + 1.0) as u32,
+            ]
+        }))
+    }
+
+    /// Finds where lines are cut: at edges of patches and bends of the integrand.
+    #[inline(always)]
+    fn cut(&self, point: &Point<'_>, lattice: [[u32; 2]; 2], cuts: &mut Cuts) {
+        cuts.clear();
+        let mut counts = [0; LANES];
+        for (axis, [first, last]) in lattice.into_iter().enumerate() {
+            let (position, other) = (&self.positions[axis], &self.positions[1 - axis]);
+            let most = point.counts[1 - axis];
+            for edge in first..=last {
+                let edge = position.less(f64::from(edge), &self.depth);
+                if !edge.may_vanish(&self.reach) {
                     continue;
                 }
-                for p in edge.zeros() {
-                    // Beyond the chart its lattice parts nothing.
-                    let (at, depth) = (other.value(p), depth.value(p));
-                    if p.abs() < reach && at >= 0.0 && at <= most * depth {
-                        ends.push(p);
+                for mut zeros in edge.zeros() {
+                    let (at, depth) = (other.values(&zeros), self.depth.values(&zeros));
+                    for i in 0..LANES {
+                        // Beyond the chart its lattice parts nothing.
+                        let parts = (at[i] >= 0.0) & (at[i] <= most * depth[i]);
+                        zeros[i] = if parts { zeros[i] } else { f64::INFINITY };
+                    }
+                    self.push(&zeros, cuts, &mut counts);
+                }
+            }
+        }
+        for level in point.branches.levels() {
+            let level = level.on_lines(self.q);
+            if level.may_vanish(&self.reach) {
+                for zeros in level.zeros() {
+                    self.push(&zeros, cuts, &mut counts);
+                }
+            }
+        }
+        sort(cuts);
+    }
+
+    /// Adds those of some cuts that lie in reach.
+    #[inline(always)]
+    fn push(&self, zeros: &Lanes, cuts: &mut Cuts, counts: &mut [usize; LANES]) {
+        for i in 0..LANES {
+            if zeros[i].abs() < self.reach[i] {
+                if counts[i] == cuts.len() {
+                    cuts.push([f64::INFINITY; LANES]);
+                }
+                cuts[counts[i]][i] = zeros[i];
+                counts[i] += 1;
+            }
+        }
+    }
+
+    /// Adds the pieces of all lines up.
+    #[inline(always)]
+    fn pieces<const N: usize>(&self, point: &Point<'_>, table: &Table, cuts: &Cuts) -> Seen<N> {
+        let mut seen = Seen {
+            moments: [[[[0.0; LANES]; N]; 3]; PARTS],
+            used: [false; PARTS],
+            middle: [[0.0; LANES]; 2],
+            shows: [0.0; LANES],
+        };
+        let mut from = self.reach.map(|reach| -reach);
+        let mut below = [[0.0; LANES]; N];
+        for index in 0..=cuts.len() {
+            let (mut to, mut z) = (self.reach, [TABLE_END; LANES]);
+            let above = if let Some(cuts) = cuts.get(index) {
+                for i in 0..LANES {
+                    let inside = cuts[i] < self.reach[i];
+                    to[i] = if inside { cuts[i] } else { to[i] };
+                    z[i] = if inside {
+                        cuts[i] * self.per_width[i]
+                    } else {
+                        z[i]
+                    };
+                }
+                moments::up_to(table, &z)
+            } else {
+                moments::everything()
+            };
+            let mut piece = [[0.0; LANES]; N];
+            for k in 0..N {
+                for i in 0..LANES {
+                    piece[k][i] = above[k][i] - below[k][i];
+                }
+            }
+            self.add_piece(point, [&from, &to], &piece, &mut seen);
+            (from, below) = (to, above);
+        }
+        seen
+    }
+
+    /// Adds a piece of every line; an empty one has no moments.
+    #[inline(always)]
+    fn add_piece<const N: usize>(
+        &self,
+        point: &Point<'_>,
+        [from, to]: [&Lanes; 2],
+        piece: &Moments<N>,
+        seen: &mut Seen<N>,
+    ) {
+        let mut middle = [0.0; LANES];
+        for i in 0..LANES {
+            middle[i] = 0.5 * (from[i] + to[i]);
+        }
+        let depth = self.depth.values(&middle);
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(&middle));
+        let mut on_chart = [false; LANES];
+        let [columns, rows] = point.counts;
+        for i in 0..LANES {
+            let per_depth = 1.0 / depth[i];
+            let [across, up] = [positions[0][i] * per_depth, positions[1][i] * per_depth];
+            on_chart[i] = (depth[i] > 0.0)
+                & (from[i] < to[i])
+                & (across >= 0.0)
+                & (across < columns)
+                & (up >= 0.0)
+                & (up < rows);
+            positions[0][i] = if on_chart[i] { across } else { 0.0 };
+            positions[1][i] = if on_chart[i] { up } else { 0.0 };
+        }
+        if on_chart == [false; LANES] {
+            return;
+        }
+        let patches = patches(&positions, point.counts);
+        let mut colours = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let colour = &point.anisotropic.chart.patches[patches[i]];
+            for channel in 0..3 {
+                colours[channel][i] = if on_chart[i] { colour[channel] } else { 0.0 };
+            }
+        }
+        for i in 0..LANES {
+            seen.shows[i] = if on_chart[i] { 1.0 } else { seen.shows[i] };
+            for axis in 0..2 {
+                let before = seen.middle[axis][i];
+                seen.middle[axis][i] = if on_chart[i] {
+                    positions[axis][i]
+                } else {
+                    before
+                };
+            }
+        }
+        let low = self.is_low(point, &middle, &on_chart);
+        seen.add(HIGH, piece, &colours, &low.map(|low| !low));
+        seen.add(LOW, piece, &colours, &low);
+        if point.branches.has_knee() {
+            let beyond = self.is_beyond(point, &middle, &on_chart);
+            let [mut high, mut low] = [low; 2];
+            for i in 0..LANES {
+                high[i] = beyond[i] & !high[i];
+                low[i] &= beyond[i];
+            }
+            seen.add(BEYOND + HIGH, piece, &colours, &high);
+            seen.add(BEYOND + LOW, piece, &colours, &low);
+        }
+    }
+
+    /// Whether light stands lower than the viewer at a p of each line on the chart.
+    #[inline(always)]
+    fn is_low(&self, point: &Point<'_>, p: &Lanes, on_chart: &[bool; LANES]) -> [bool; LANES] {
+        let even = point.branches.even.on_lines(self.q).values(p);
+        let mut low = [false; LANES];
+        for i in 0..LANES {
+            low[i] = on_chart[i] & (even[i] < 0.0);
+        }
+        low
+    }
+
+    /// Whether the tint is beyond its knee at a p of each line on the chart.
+    #[inline(always)]
+    fn is_beyond(&self, point: &Point<'_>, p: &Lanes, on_chart: &[bool; LANES]) -> [bool; LANES] {
+        let (wo, branches) = (point.wo, &point.branches);
+        let mut beyond = [false; LANES];
+        for i in 0..LANES {
+            let (p, q) = (p[i], self.q[i]);
+            let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) / (1.0 + p * p + q * q) - wo.z;
+            let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
+            beyond[i] = on_chart[i] & (fresnel::reflectance(cos_i, branches.ior) > branches.knee);
+        }
+        beyond
+    }
+
+    /// Adds the points of the lines.
+    #[inline(always)]
+    fn add_points<const N: usize>(
+        &self,
+        point: &Point<'_>,
+        order: &Nodes<N>,
+        weight: &Lanes,
+        seen: &Seen<N>,
+        sums: &mut Sums,
+    ) {
+        let (lobe, wo) = (&point.anisotropic.reflectance.lobe, point.wo);
+        let per_viewer = 1.0 / wo.z;
+        let (ior, knee) = (point.branches.ior, point.branches.knee);
+        for k in 0..N {
+            let mut p = [0.0; LANES];
+            for i in 0..LANES {
+                p[i] = order.nodes[k] / self.per_width[i];
+            }
+            let light = self.light(point, &p, seen);
+            let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (p, q) = (p[i], self.q[i]);
+                let (p2, q2) = (p * p, q * q);
+                let t = p2 + q2;
+                let inverse = 1.0 / (1.0 + t);
+                let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) * inverse - wo.z;
+                // Points that a piece is told by can lie beyond it, and below the horizon.
+                let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
+                // At the normal the quotient is 0/0 and the product 0.
+                let exponent = (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE);
+                let power = exp(-0.5 * exponent * log1p(t));
+                // The density's own fall is in the moments, and the power is all of the lobe.
+                let scale = weight[i] / self.per_width[i] * order.inverse_densities[k];
+                let value_without = scale * power * inverse * inverse.sqrt();
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                value[i] = value_without * fresnel;
+                beyond[i] = value_without * (fresnel - knee);
+                shade[i] = cos_i * per_viewer;
+            }
+            let polynomial = &order.polynomials[k];
+            for channel in 0..3 {
+                let parts = seen.at(channel, polynomial);
+                for i in 0..LANES {
+                    let all = parts[HIGH][i] + shade[i] * parts[LOW][i];
+                    sums.fresnel[channel][i] += value[i] * light[channel][i] * all;
+                }
+                if point.branches.has_knee() {
+                    for i in 0..LANES {
+                        let part = parts[BEYOND + HIGH][i] + shade[i] * parts[BEYOND + LOW][i];
+                        sums.excess[channel][i] += beyond[i] * light[channel][i] * part;
                     }
                 }
             }
         }
-        for level in self.branches.levels() {
-            let level = level.on_line(q);
-            if level.may_vanish(reach) {
-                ends.extend(level.zeros().into_iter().filter(|p| p.abs() < reach));
-            }
-        }
-        ends.sort_unstable_by(f64::total_cmp);
-        true
     }
 
-    /// Adds a piece's weights if it shows a patch, and tells where on the chart its middle is.
+    /// The light on the chart where it is seen at a p of each line. It is a smooth function of the
+    /// position, told beyond the chart's edges by the parabolas of the outer patches.
     #[inline(always)]
-    fn add_piece(
-        &self,
-        q: f64,
-        [from, to]: [f64; 2],
-        [below, above]: [&Moments; 2],
-        weights: &mut Weights,
-    ) -> Option<[f64; 2]> {
-        let middle = 0.5 * (from + to);
-        let depth = self.depth.value(middle, q);
-        let [across, up] =
-            [&self.across, &self.up].map(|position| position.value(middle, q) / depth);
-        let chart = self.anisotropic.chart;
-        let [columns, rows] = [chart.plane.columns, chart.plane.rows];
-        let on_chart = depth > 0.0
-            && (0.0..f64::from(columns)).contains(&across)
-            && (0.0..f64::from(rows)).contains(&up);
-        if !on_chart || from >= to {
-            return None;
-        }
-        let colour = &chart.patches[chart.patch(across as u32, up as u32)];
-        let [low, beyond] = self.branches.at(self.wo, middle, q);
-        let mut piece = [0.0; POINTS_MAX];
-        self.order
-            .add_weights(&mut piece, &moments::between(below, above), 1.0);
-        let branch = usize::from(beyond);
-        weights.used[branch] = true;
-        let weights = &mut weights.weights[branch];
-        let count = self.order.nodes().len();
-        let first = if low { 3 } else { 0 };
-        for (weights, colour) in weights[first..].iter_mut().zip(colour) {
-            for (weight, piece) in weights[..count].iter_mut().zip(&piece[..count]) {
-                *weight += colour * piece;
+    fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
+        let depth = self.depth.values(p);
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(p));
+        for axis in 0..2 {
+            for i in 0..LANES {
+                let at = positions[axis][i] / depth[i];
+                positions[axis][i] = if depth[i] > 0.0 {
+                    at
+                } else {
+                    seen.middle[axis][i]
+                };
             }
         }
-        Some([across, up])
-    }
-
-    /// Adds the points of a line. Light is a smooth function of the position on the chart, told beyond
-    /// its edges by the parabolas of the outer patches.
-    #[inline(always)]
-    fn add_points(
-        &self,
-        [q, per_width]: [f64; 2],
-        scale: f64,
-        all: &Weights,
-        seen: [f64; 2],
-        batch: &mut PieceBatch,
-    ) {
-        let depth = self.depth.on_line(q);
-        let [across, up] = [&self.across, &self.up].map(|position| position.on_line(q));
-        let inverse_densities = self.order.inverse_densities();
-        for (k, &z) in self.order.nodes().iter().enumerate() {
-            let p = z / per_width;
-            let depth = depth.value(p);
-            let at = if depth > 0.0 {
-                [across.value(p) / depth, up.value(p) / depth]
-            } else {
-                seen
-            };
-            // The density's own fall is in the weights, and the kernel gives all of the lobe.
-            let scale = scale * inverse_densities[k];
-            let light = self.light(at).map(|light| scale * light);
-            for (beyond, weights) in all.weights.iter().enumerate() {
-                if !all.used[beyond] {
-                    continue;
+        let patches = patches(&positions, point.counts);
+        let mut weights = [[[0.0; LANES]; 3]; 2];
+        for axis in 0..2 {
+            for i in 0..LANES {
+                let within = positions[axis][i] - cell(positions[axis][i], point.counts[axis]);
+                let within = if within > -1.0 { within } else { -1.0 };
+                let within = if within < 2.0 { within } else { 2.0 };
+                let [a, b, c] = parabola_weights(within);
+                weights[axis][0][i] = a;
+                weights[axis][1][i] = b;
+                weights[axis][2][i] = c;
+            }
+        }
+        // Four channels of a line are a vector.
+        let mut by_line = [[0.0; LIGHT_CHANNELS]; LANES];
+        for i in 0..LANES {
+            let patch = &point.anisotropic.light[patches[i]];
+            let [a, b, c] = [weights[0][0][i], weights[0][1][i], weights[0][2][i]];
+            let mut sum = [0.0; LIGHT_CHANNELS];
+            for (up, [left, middle, right]) in patch.iter().enumerate() {
+                let weight = weights[1][up][i];
+                for channel in 0..LIGHT_CHANNELS {
+                    let across = a * left[channel] + b * middle[channel] + c * right[channel];
+                    sum[channel] += weight * across;
                 }
-                let [r, g, b, r_low, g_low, b_low] =
-                    std::array::from_fn(|i| weights[i][k] * light[i % 3]);
-                batch.push([p, q, beyond as f64, r, g, b, r_low, g_low, b_low]);
+            }
+            by_line[i] = sum;
+        }
+        let mut light = [[0.0; LANES]; 3];
+        for channel in 0..3 {
+            for i in 0..LANES {
+                light[channel][i] = by_line[i][channel];
+            }
+        }
+        light
+    }
+}
+
+impl<const N: usize> Seen<N> {
+    /// Adds pieces that lie in a part.
+    #[inline(always)]
+    fn add(&mut self, part: usize, piece: &Moments<N>, colours: &[Lanes; 3], here: &[bool; LANES]) {
+        if *here == [false; LANES] {
+            return;
+        }
+        self.used[part] = true;
+        for channel in 0..3 {
+            let mut colour = [0.0; LANES];
+            for i in 0..LANES {
+                colour[i] = if here[i] { colours[channel][i] } else { 0.0 };
+            }
+            for k in 0..N {
+                for i in 0..LANES {
+                    self.moments[part][channel][k][i] += colour[i] * piece[k][i];
+                }
             }
         }
     }
 
-    /// The light on the chart, in patches from its corner.
+    /// The weights of a point in each part, by the polynomial that is 1 at it.
     #[inline(always)]
-    fn light(&self, at: [f64; 2]) -> [f64; 3] {
-        let chart = self.anisotropic.chart;
-        let counts = [chart.plane.columns, chart.plane.rows].map(f64::from);
-        let cell: [u32; 2] =
-            std::array::from_fn(|axis| at[axis].clamp(0.0, counts[axis] - 1.0) as u32);
-        let within =
-            std::array::from_fn(|axis| (at[axis] - f64::from(cell[axis])).clamp(-1.0, 2.0));
-        let patch = chart.patch(cell[0], cell[1]);
-        patch_at(&chart.light[patch], &[1.0; 3], within)
+    fn at(&self, channel: usize, polynomial: &[f64; N]) -> [Lanes; PARTS] {
+        let mut weights = [[0.0; LANES]; PARTS];
+        for part in 0..PARTS {
+            if self.used[part] {
+                for k in 0..N {
+                    for i in 0..LANES {
+                        weights[part][i] += polynomial[k] * self.moments[part][channel][k][i];
+                    }
+                }
+            }
+        }
+        weights
+    }
+}
+
+/// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// The column or row of a position, of so many; on an edge it is either neighbour's.
+#[inline(always)]
+fn cell(position: f64, count: f64) -> f64 {
+    let position = if position > 0.5 { position } else { 0.5 };
+    let position = if position < count - 0.5 {
+        position
+    } else {
+        count - 0.5
+    };
+    let rounded = (position - 0.5 + ROUND) - ROUND;
+    // A half is rounded to even.
+    if rounded < count - 1.0 {
+        rounded
+    } else {
+        count - 1.0
+    }
+}
+
+/// The numbers of the patches at positions, in patches from the chart's corner.
+#[inline(always)]
+fn patches(positions: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LANES] {
+    let mut bits = [0; LANES];
+    for i in 0..LANES {
+        let column = cell(positions[0][i], columns);
+        let row = cell(positions[1][i], rows);
+        bits[i] = ((rows - 1.0 - row) * columns + column + ROUND).to_bits();
+    }
+    bits.map(|bits| (bits - ROUND.to_bits()) as usize)
+}
+
+/// Sorts every line's cuts: rows that are compared in a fixed order need no branches.
+#[inline(always)]
+fn sort(cuts: &mut Cuts) {
+    for last in 1..cuts.len() {
+        for at in (0..last).rev() {
+            let [low, high] = [cuts[at], cuts[at + 1]];
+            for i in 0..LANES {
+                let (a, b) = (low[i], high[i]);
+                cuts[at][i] = if a < b { a } else { b };
+                cuts[at + 1][i] = if a < b { b } else { a };
+            }
+        }
     }
 }

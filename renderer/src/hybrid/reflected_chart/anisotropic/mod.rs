@@ -1,25 +1,31 @@
 //! The colour chart in a sample of a highly anisotropic lobe: see [`is_highly_anisotropic`].
 //!
-//! In the slope plane of half vectors (p, q) (see [`Slopes`](crate::reflectance::slope_plane::Slopes)) the edges of the chart's
-//! patches are conics ([`conic`]). Along the lobe's narrow axis p the lobe is a normal density times
+//! In the slope plane of half vectors (p, q) (see [`slope_plane`](crate::reflectance::slope_plane)) the
+//! edges of the chart's patches are conics ([`conic`]). Along the lobe's narrow axis p the lobe is a normal density times
 //! a factor that a few points tell, so a line of constant q is integrated in closed form piece by
 //! piece between the edges it crosses ([`moments`]). The wide axis q is integrated by Gauss rules
-//! between the positions where that integral is not smooth: where an edge crosses the axis p = 0, where
+//! between the points where that integral is not smooth: where an edge crosses the axis p = 0, where
 //! a corner of a patch lies in the lobe, and where an edge that runs along p enters and leaves it.
 
 mod branches;
+#[allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
 mod conic;
-mod kernel;
+#[allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
 mod line;
 mod moments;
 mod point;
 mod wide_axis;
 
-use crate::numerics::instructions::kernel;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
-use kernel::integrals;
+use line::add_lines;
 pub use point::AnisotropicChart;
 use point::Point;
 pub use wide_axis::Scratch;
@@ -49,31 +55,13 @@ impl AnisotropicChart<'_> {
     ) -> ([f64; 3], u32) {
         let lobe = &self.reflectance.lobe;
         let response = self.reflectance.tint_response(wo.z);
-        scratch.batch.clear();
         let point = Point::new(self, position, wo, response.knee, tolerance);
-        gather(self.instructions, &point, scratch);
-        let ior = self.reflectance.ior;
-        let exponents = [lobe.n_u, lobe.n_v];
-        let batch = &scratch.batch;
-        let [fresnel, excess] = integrals(
-            self.instructions,
-            batch,
-            point.wo,
-            exponents,
-            ior,
-            response.knee,
-        );
+        point.gather(scratch);
+        let sums = add_lines(self.instructions, &point, &scratch.lines, &mut scratch.cuts);
         let scale = lobe.normalization / (2.0 * std::f64::consts::PI);
         let radiance = std::array::from_fn(|channel| {
-            scale * response.at_moments(fresnel[channel], excess[channel])[channel]
+            scale * response.at_moments(sums.fresnel[channel], sums.excess[channel])[channel]
         });
-        (radiance, batch.count() as u32)
-    }
-}
-
-kernel! {
-    /// Gathers the points of the rule.
-    pub fn gather(point: &Point<'_>, scratch: &mut Scratch) {
-        point.gather(scratch);
+        (radiance, sums.evaluations)
     }
 }

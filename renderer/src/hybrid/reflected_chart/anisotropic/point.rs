@@ -3,7 +3,7 @@
 use super::branches::Branches;
 use super::conic::Conic;
 use super::moments::Order;
-use crate::hybrid::reflected_chart::lit_chart::LitChart;
+use crate::hybrid::reflected_chart::lit_chart::{LIGHT_NODES, LitChart};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
@@ -28,7 +28,12 @@ pub struct AnisotropicChart<'a> {
     pub(super) axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
     pub(super) corners: Vec<Vec3>,
+    /// The light on each patch as in [`LitChart::light`], with channels to fill a vector.
+    pub(super) light: Vec<[[[f64; LIGHT_CHANNELS]; LIGHT_NODES]; LIGHT_NODES]>,
 }
+
+/// Three channels and one that is 0.
+pub const LIGHT_CHANNELS: usize = 4;
 
 impl<'a> AnisotropicChart<'a> {
     /// Of a chart and a material.
@@ -55,6 +60,11 @@ impl<'a> AnisotropicChart<'a> {
             corner: lobe.to_lobe(plane.corner),
             axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
+            light: chart
+                .light
+                .iter()
+                .map(|patch| patch.map(|row| row.map(|[r, g, b]| [r, g, b, 0.0])))
+                .collect(),
         }
     }
 }
@@ -74,6 +84,8 @@ pub struct Point<'a> {
     pub(super) tolerance: Tolerance,
     /// Half the lobe's reach along p, in widths.
     pub(super) reach: f64,
+    /// Columns and rows of patches.
+    pub(super) counts: [f64; 2],
     pub(super) order: Order,
 }
 
@@ -109,6 +121,11 @@ impl<'a> Point<'a> {
             branches: Branches::new(wo, knee, reflectance.ior),
             tolerance,
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+            counts: [
+                anisotropic.chart.plane.columns,
+                anisotropic.chart.plane.rows,
+            ]
+            .map(f64::from),
             order: if tolerance.is_check() {
                 order.finer()
             } else {

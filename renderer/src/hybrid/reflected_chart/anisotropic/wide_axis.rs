@@ -2,8 +2,7 @@
 //! smooth.
 
 use super::conic::Conic;
-use super::kernel::PieceBatch;
-use super::line::LineScratch;
+use super::line::{Cuts, Lines};
 use super::point::{Point, TAIL_DIGITS};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::tolerance::Tolerance;
@@ -20,11 +19,12 @@ const STEP: f64 = 1e-4;
 /// Buffers.
 #[derive(Default)]
 pub struct Scratch {
-    /// The points of the rule.
-    pub batch: PieceBatch,
+    /// The lines of the rule.
+    pub lines: Lines,
+    /// Where they are cut.
+    pub cuts: Cuts,
     passages: Vec<Passage>,
     ends: Vec<End>,
-    line: LineScratch,
 }
 
 /// An edge of patches that passes through the lobe along the wide axis.
@@ -73,9 +73,9 @@ impl Piece {
 }
 
 impl Point<'_> {
-    /// Gathers the points of the rule.
-    #[inline(always)]
+    /// Gathers the lines of the rule.
     pub fn gather(&self, scratch: &mut Scratch) {
+        scratch.lines.clear();
         let [low, high] = self.extent();
         if low >= high {
             return;
@@ -113,24 +113,17 @@ impl Point<'_> {
     }
 
     /// Adds the lines of a piece of the wide axis.
-    #[inline(always)]
     fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
         let rule = GaussRule::of(piece.points(self.tolerance));
         // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
         for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
             let per = 1.0 / (1.0 - x * x);
             let slope = 2.0 * (1.0 + x * x) * per * per;
-            self.add_line(
-                2.0 * x * per,
-                weight * slope,
-                &mut scratch.line,
-                &mut scratch.batch,
-            );
+            scratch.lines.push([2.0 * x * per, weight * slope]);
         }
     }
 
     /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
-    #[inline(always)]
     fn rate(&self, q: f64, passages: &[Passage]) -> f64 {
         let per_width = self.anisotropic.reflectance.lobe.n_v.sqrt();
         let covering = passages
@@ -141,7 +134,6 @@ impl Point<'_> {
 
     /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
     /// horizon beyond.
-    #[inline(always)]
     fn extent(&self) -> [f64; 2] {
         let lobe = &self.anisotropic.reflectance.lobe;
         let reach = self.tolerance.reach(lobe.n_v, TAIL_DIGITS);
@@ -162,7 +154,6 @@ impl Point<'_> {
     }
 
     /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
-    #[inline(always)]
     fn find_passages(
         &self,
         [low, high]: [f64; 2],
@@ -208,7 +199,6 @@ impl Point<'_> {
     }
 
     /// Finds where the integral over p has a kink, and sorts all ends.
-    #[inline(always)]
     fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
         let per_width = self.anisotropic.reflectance.lobe.n_u.sqrt();
         let levels = self
