@@ -8,7 +8,7 @@ use dataset::{
 use renderer::{
     Renderer, encode_exr,
     geometry::{BackendChoice, Isa, Ray},
-    hybrid::Stage,
+    hybrid::PreparedView,
     path::Tracer,
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
@@ -90,12 +90,13 @@ fn cubature(criterion: &mut Criterion) {
         let scene = Scene::new(&specification, 0, BackendChoice::Native)
             .expect("a view")
             .expect("native geometry");
-        let stage = Stage::new(&scene, &specification).expect("a view that can be worked out");
+        let prepared =
+            PreparedView::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&case.material, 0.0, Tint::Hue);
-        let (_, evaluations, _) = stage.render(&reflectance, None, 0).expect("resolved");
+        let (_, evaluations, _) = prepared.render(&reflectance, None, 0).expect("resolved");
         group.throughput(Throughput::Elements(evaluations));
         group.bench_function(BenchmarkId::new("pixel", name), |bencher| {
-            bencher.iter(|| stage.render(black_box(&reflectance), None, 0));
+            bencher.iter(|| prepared.render(black_box(&reflectance), None, 0));
         });
     }
     group.finish();

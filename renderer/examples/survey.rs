@@ -38,9 +38,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 "{material},{view},{seconds:.6},{:.6},{}",
                 statistics.within_target, statistics.evaluations
             )?;
-            for stage in &rendering.stages {
-                write!(out, ",{}={:.6}", stage.name, stage.seconds)?;
-                *survey.phases.entry(stage.name).or_default() += stage.seconds;
+            for phase in &rendering.phases {
+                write!(out, ",{}={:.6}", phase.name, phase.seconds)?;
+                *survey.phases.entry(phase.name).or_default() += phase.seconds;
             }
             writeln!(out)?;
             survey.images.push(seconds);

@@ -7,7 +7,8 @@
 
 use dataset::{Material, Specification};
 use renderer::{
-    film::Film, geometry::BackendChoice, hybrid::Stage, reflectance::Reflectance, scene::Scene,
+    film::Film, geometry::BackendChoice, hybrid::PreparedView, reflectance::Reflectance,
+    scene::Scene,
 };
 use serde::{Deserialize, Serialize};
 use std::{
@@ -58,7 +59,8 @@ fn render(request: &Request) -> Result<Answer, Box<dyn Error>> {
     let rotation_deg = view.ok_or("there is no such view")?.rotation_deg;
     let scene = Scene::new(&specification, request.view, BackendChoice::Native);
     let scene = scene.ok_or("there is no such view")??;
-    let stage = Stage::new(&scene, &specification).ok_or("the view is one for the path tracer")?;
+    let prepared =
+        PreparedView::new(&scene, &specification).ok_or("the view is one for the path tracer")?;
 
     let mut answer = Answer {
         cpu_seconds: Vec::new(),
@@ -69,7 +71,7 @@ fn render(request: &Request) -> Result<Answer, Box<dyn Error>> {
         let reflectance = Reflectance::new(&request.material, rotation_deg, specification.tint);
         // Renderings of different accuracies draw independently.
         let key = request.relative.to_bits() ^ u64::from(repetition);
-        let (film, ..) = stage.render(&reflectance, None, key).expect("resolved");
+        let (film, ..) = prepared.render(&reflectance, None, key).expect("resolved");
         answer.cpu_seconds.push(cpu_seconds() - begin);
         if repetition == 0 {
             answer.stated_error = film.statistics(&specification.accuracy, 0, 0).mean;

@@ -4,12 +4,12 @@ use crate::exr_file::{self, ExrError};
 use crate::film::Film;
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
 use crate::hybrid::interreflection::cache::InterreflectionCache;
-use crate::hybrid::{Stage, Unresolved};
+use crate::hybrid::{PreparedView, Unresolved};
 use crate::numerics::instructions::Instructions;
 use crate::path;
+use crate::phase_time::{PhaseTime, timed};
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
-use crate::stage_time::{StageTime, timed};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
     specification::IntegratorKind,
@@ -20,15 +20,16 @@ use dataset::{
 pub struct Renderer {
     specification: Specification,
     specification_hash: Digest,
-    views: Vec<PreparedView>,
+    views: Vec<ViewToRender>,
     interreflections: InterreflectionCache,
 }
 
-/// A view's scene and, where the hybrid integrator is wanted and can render it, its stage.
+/// A view's scene and, where the hybrid integrator is asked for and can render it, the view prepared
+/// for it.
 #[derive(Debug)]
-struct PreparedView {
+struct ViewToRender {
     scene: Scene,
-    stage: Option<Stage>,
+    prepared: Option<PreparedView>,
 }
 
 /// A rendered view.
@@ -45,8 +46,8 @@ pub struct Rendering {
     pub exr: Vec<u8>,
     /// The error and the cost.
     pub statistics: ErrorStatistics,
-    /// What each stage took, in the order in which they ran.
-    pub stages: Vec<StageTime>,
+    /// What each phase took, in the order in which they ran.
+    pub phases: Vec<PhaseTime>,
 }
 
 /// Why a view could not be rendered.
@@ -95,11 +96,11 @@ impl Renderer {
             .filter_map(|view| Scene::new(specification, view, backend))
             .map(|scene| {
                 let scene = scene?;
-                let stage = match specification.integrator.kind {
-                    IntegratorKind::Hybrid => Stage::new(&scene, specification),
+                let prepared = match specification.integrator.kind {
+                    IntegratorKind::Hybrid => PreparedView::new(&scene, specification),
                     IntegratorKind::Path => None,
                 };
-                Ok(PreparedView { scene, stage })
+                Ok(ViewToRender { scene, prepared })
             })
             .collect::<Result<_, RenderError>>()?;
         Ok(Self {
@@ -115,10 +116,10 @@ impl Renderer {
     #[must_use]
     pub fn with_instructions(mut self, instructions: Instructions) -> Self {
         for view in &mut self.views {
-            view.stage = view
-                .stage
+            view.prepared = view
+                .prepared
                 .take()
-                .map(|stage| stage.with_instructions(instructions));
+                .map(|prepared| prepared.with_instructions(instructions));
         }
         self
     }
@@ -140,7 +141,7 @@ impl Renderer {
         view: u32,
     ) -> Result<Rendering, RenderError> {
         material.check()?;
-        let (Some(prepared), Some(view_specification)) = (
+        let (Some(view_to_render), Some(view_specification)) = (
             self.views.get(view as usize),
             self.specification.views.get(view as usize),
         ) else {
@@ -162,23 +163,28 @@ impl Renderer {
         let rotation_deg = view_specification.rotation_deg;
         let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
         let angles_deg = [rotation_deg, view_specification.light_elevation_deg];
-        let worked_out = prepared.stage.as_ref().and_then(|stage| {
-            self.work_out(stage, material, &reflectance, angles_deg, key)
+        let worked_out = view_to_render.prepared.as_ref().and_then(|prepared| {
+            self.work_out(prepared, material, &reflectance, angles_deg, key)
                 .ok()
         });
         let integrator = match worked_out {
             Some(_) => IntegratorKind::Hybrid,
             None => IntegratorKind::Path,
         };
-        let (film, samples, evaluations, mut stages) = worked_out.unwrap_or_else(|| {
-            let mut stages = Vec::new();
-            let (film, samples) = timed(&mut stages, "trace", || {
-                path::render(&prepared.scene, &reflectance, &self.specification, key)
+        let (film, samples, evaluations, mut phases) = worked_out.unwrap_or_else(|| {
+            let mut phases = Vec::new();
+            let (film, samples) = timed(&mut phases, "trace", || {
+                path::render(
+                    &view_to_render.scene,
+                    &reflectance,
+                    &self.specification,
+                    key,
+                )
             });
-            (film, samples, 0, stages)
+            (film, samples, 0, phases)
         });
         check_pixels(&film, view)?;
-        let exr = timed(&mut stages, "encode", || {
+        let exr = timed(&mut phases, "encode", || {
             exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
         })?;
         Ok(Rendering {
@@ -187,30 +193,30 @@ impl Renderer {
             exr,
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
-            stages,
+            phases,
         })
     }
 
-    /// Renders a view with the hybrid integrator: the film, samples, evaluations and stages.
+    /// Renders a view with the hybrid integrator: the film, samples, evaluations and phases.
     fn work_out(
         &self,
-        stage: &Stage,
+        prepared: &PreparedView,
         material: &Material,
         reflectance: &Reflectance,
         angles_deg: [f64; 2],
         key: u64,
-    ) -> Result<(Film, u64, u64, Vec<StageTime>), Unresolved> {
-        let mut stages = Vec::new();
-        let interreflection = timed(&mut stages, "interreflection", || {
+    ) -> Result<(Film, u64, u64, Vec<PhaseTime>), Unresolved> {
+        let mut phases = Vec::new();
+        let interreflection = timed(&mut phases, "interreflection", || {
             self.interreflections.get(material, angles_deg, || {
-                stage.interreflection(reflectance).transpose()
+                prepared.interreflection(reflectance).transpose()
             })
         })
         .transpose()?;
         let (film, evaluations, others) =
-            stage.render(reflectance, interreflection.as_deref(), key)?;
-        stages.extend(others);
-        Ok((film, 0, evaluations, stages))
+            prepared.render(reflectance, interreflection.as_deref(), key)?;
+        phases.extend(others);
+        Ok((film, 0, evaluations, phases))
     }
 
     /// Encodes the stated error of each pixel of `rendering`, which this renderer made, as an EXR

@@ -8,7 +8,7 @@ use dataset::{
 use renderer::{
     film::{Film, target},
     geometry::BackendChoice,
-    hybrid::Stage,
+    hybrid::PreparedView,
     reflectance::Reflectance,
     scene::Scene,
 };
@@ -153,9 +153,10 @@ impl Case {
         let scene = Scene::new(&specification, 0, BackendChoice::Native)
             .expect("a view")
             .expect("native geometry");
-        let stage = Stage::new(&scene, &specification).expect("a view that can be worked out");
+        let prepared =
+            PreparedView::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);
-        let (film, ..) = stage.render(&reflectance, None, 0).expect("resolved");
+        let (film, ..) = prepared.render(&reflectance, None, 0).expect("resolved");
         (specification, film)
     }
 }

@@ -44,7 +44,7 @@ fn the_preset_lists_the_published_codes() {
     }
 }
 
-/// A ray straight at the middle of each patch, whose place is worked out here.
+/// A ray straight at the middle of each patch, whose position is worked out here.
 #[test]
 fn every_patch_stands_where_it_should_with_its_reflectance() {
     const PITCH_M: f64 = 0.04;

@@ -288,8 +288,8 @@ fn primitive_that_makes_no_sense_is_refused() {
         ))
     };
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-    let mut turned = unit_square(0.0);
-    if let Primitive::Rectangle(rectangle) = &mut turned {
+    let mut rotated = unit_square(0.0);
+    if let Primitive::Rectangle(rectangle) = &mut rotated {
         rectangle.normal = -rectangle.normal;
     }
     let refused = [
@@ -306,7 +306,7 @@ fn primitive_that_makes_no_sense_is_refused() {
         rectangle([2.0, 0.0, 0.0], y, 1.0),
         rectangle([f64::NAN, 0.0, 0.0], y, 1.0),
         rectangle([FRAC_1_SQRT_2, FRAC_1_SQRT_2, 0.0], y, 1.0),
-        turned,
+        rotated,
     ];
     for primitive in refused {
         for choice in [BackendChoice::Native, BackendChoice::Embree] {

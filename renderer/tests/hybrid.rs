@@ -16,19 +16,19 @@ use renderer::{
     Renderer,
     film::{Film, target},
     geometry::BackendChoice,
-    hybrid::Stage,
+    hybrid::PreparedView,
     path::Tracer,
     reflectance::Reflectance,
     sampler::Sampler,
     scene::Scene,
 };
 
-fn scene_and_stage(specification: &Specification, view: usize) -> (Scene, Stage) {
+fn scene_and_stage(specification: &Specification, view: usize) -> (Scene, PreparedView) {
     let scene = Scene::new(specification, view, BackendChoice::Native)
         .expect("a view")
         .expect("native geometry");
-    let stage = Stage::new(&scene, specification).expect("a view that can be worked out");
-    (scene, stage)
+    let prepared = PreparedView::new(&scene, specification).expect("a view that can be worked out");
+    (scene, prepared)
 }
 
 /// Every reference pixel, however faint, is met to 2e-4 of its value at the preset's accuracy and to
@@ -47,9 +47,9 @@ fn reference_pixels_are_met() {
                 rotation_deg: case.rotation_deg,
                 checker: false,
             }];
-            let (_, stage) = scene_and_stage(&specification, 0);
+            let (_, prepared) = scene_and_stage(&specification, 0);
             let reflectance = Reflectance::new(&case.material, case.rotation_deg, case.tint);
-            let (film, ..) = stage.render(&reflectance, None, 0).expect("resolved");
+            let (film, ..) = prepared.render(&reflectance, None, 0).expect("resolved");
             let pixel = film.pixels[(case.row * film.width + case.column) as usize];
             for (found, expected) in pixel.value.into_iter().zip(case.value) {
                 assert!(
@@ -123,7 +123,7 @@ fn beside(film: &Film, index: usize) -> f64 {
 /// as it is one: at most 1 in 100 of the paths would have missed it by chance. Differences below the
 /// target are not looked into pixel by pixel, only on average: there the few paths whose sampled
 /// direction meets the bulb, each far above the mean, keep the replicates from being normal. The
-/// brushed mirror's sheet of a lobe meets it once in thousands of paths, and its pixels are looked
+/// brushed mirror's highly anisotropic lobe meets it once in thousands of paths, and its pixels are looked
 /// at to a few hundredths of white (four million paths a pixel do agree with it).
 #[test]
 fn the_hybrid_integrator_agrees_with_the_path_tracer() {
@@ -134,11 +134,11 @@ fn the_hybrid_integrator_agrees_with_the_path_tracer() {
     specification.image.width = SIDE;
     specification.image.height = SIDE;
     for view in 0..specification.views.len() {
-        let (scene, stage) = scene_and_stage(&specification, view);
+        let (scene, prepared) = scene_and_stage(&specification, view);
         for HardCase { name, material, .. } in HARD_CASES {
             let rotation_deg = specification.views[view].rotation_deg;
             let reflectance = Reflectance::new(&material, rotation_deg, Tint::Hue);
-            let (film, ..) = stage.render(&reflectance, None, 7).expect("resolved");
+            let (film, ..) = prepared.render(&reflectance, None, 7).expect("resolved");
             let traced = trace(&scene, &reflectance, &film);
             let brightest = traced
                 .iter()
@@ -197,14 +197,14 @@ fn stated_errors_hold_against_a_finer_rendering() {
     let mut counts = [[0u32; 3]; 3];
     for (view, described) in finer.views.iter().enumerate() {
         let (_, finer) = scene_and_stage(&finer, view);
-        let stages = tried.each_ref().map(|tried| scene_and_stage(tried, view).1);
+        let views = tried.each_ref().map(|tried| scene_and_stage(tried, view).1);
         let of_materials: Vec<[[u32; 3]; 3]> = HARD_CASES
             .into_par_iter()
             .map(|HardCase { name, material, .. }| {
                 let reflectance = Reflectance::new(&material, described.rotation_deg, Tint::Hue);
                 let (reference, ..) = finer.render(&reflectance, None, 2).expect("resolved");
                 std::array::from_fn(|index| {
-                    let (film, ..) = stages[index]
+                    let (film, ..) = views[index]
                         .render(&reflectance, None, 1)
                         .expect("resolved");
                     let accuracy = &tried[index].accuracy;
@@ -259,7 +259,7 @@ fn no_pixel_of_a_million_is_out_of_range() {
     let mut specification = Specification::preset();
     specification.image.width = 36;
     specification.image.height = 36;
-    let stages: Vec<Stage> = (0..specification.views.len())
+    let views: Vec<PreparedView> = (0..specification.views.len())
         .map(|view| scene_and_stage(&specification, view).1)
         .collect();
     let pixels: usize = (0..MATERIALS)
@@ -283,9 +283,9 @@ fn no_pixel_of_a_million_is_out_of_range() {
             material.rgb0 = [(); 3].map(|()| extreme());
             material.rgb90 = [(); 3].map(|()| extreme());
             let mut pixels = 0;
-            for (stage, view) in stages.iter().zip(&specification.views) {
+            for (prepared, view) in views.iter().zip(&specification.views) {
                 let reflectance = Reflectance::new(&material, view.rotation_deg, Tint::Hue);
-                let (film, ..) = stage
+                let (film, ..) = prepared
                     .render(&reflectance, None, u64::from(index))
                     .expect("resolved");
                 for pixel in &film.pixels {

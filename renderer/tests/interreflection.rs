@@ -9,7 +9,7 @@ use dataset::{
 use rayon::prelude::*;
 use renderer::{
     geometry::{BackendChoice, Ray},
-    hybrid::{Stage, Unresolved},
+    hybrid::{PreparedView, Unresolved},
     reflectance::Reflectance,
     sampler::Sampler,
     scene::Scene,
@@ -233,12 +233,12 @@ fn trace(
     })
 }
 
-fn prepared(specification: &Specification) -> (Scene, Stage) {
+fn scene_and_view(specification: &Specification) -> (Scene, PreparedView) {
     let scene = Scene::new(specification, 0, BackendChoice::Native)
         .expect("a view")
         .expect("native geometry");
-    let stage = Stage::new(&scene, specification).expect("a view that can be worked out");
-    (scene, stage)
+    let prepared = PreparedView::new(&scene, specification).expect("a view that can be worked out");
+    (scene, prepared)
 }
 
 /// At no point of the chart does the light differ from the path tracer's by more than the stated
@@ -250,9 +250,9 @@ fn stated_errors_hold_in_scenes_far_from_the_preset() {
     let mut failures = Vec::new();
     for case in &CASES {
         let specification = specification(case);
-        let (scene, stage) = prepared(&specification);
+        let (scene, prepared) = scene_and_view(&specification);
         let reflectance = Reflectance::new(&material(case), 0.0, Tint::Hue);
-        let found = match stage.interreflection(&reflectance) {
+        let found = match prepared.interreflection(&reflectance) {
             Ok(found) => found.expect("a view with a chart"),
             // Where the chart touches the sample the light is discontinuous at the sample's
             // corners, and the path tracer may have to do.
@@ -263,8 +263,8 @@ fn stated_errors_hold_in_scenes_far_from_the_preset() {
             }
         };
         let chart = scene.chart.as_ref().expect("a chart");
-        let panel = chart.panel();
-        let [width, height] = panel.size();
+        let plane = chart.plane();
+        let [width, height] = plane.size();
         let (mut worst, mut most) = (0.0f64, 0.0f64);
         let points: Vec<([f64; 2], u32)> = UP
             .iter()
@@ -278,17 +278,16 @@ fn stated_errors_hold_in_scenes_far_from_the_preset() {
         let traced: Vec<_> = points
             .par_iter()
             .map(|&([a, b], index)| {
-                trace(&scene, &reflectance, panel.point(a, b), index, case.bounces)
+                trace(&scene, &reflectance, plane.point(a, b), index, case.bounces)
             })
             .collect();
         for (&([a, b], _), traced) in points.iter().zip(&traced) {
-            let (column, row) = ((a / panel.pitch) as u32, (b / panel.pitch) as u32);
-            let colour =
-                chart.patches()[((panel.rows - 1 - row) * panel.columns + column) as usize];
-            let offset = scene.bulb.centre - panel.point(a, b);
+            let (column, row) = ((a / plane.pitch) as u32, (b / plane.pitch) as u32);
+            let colour = chart.patches()[plane.patch(column, row)];
+            let offset = scene.bulb.centre - plane.point(a, b);
             let distance2 = offset.length_squared();
             let direct = scene.bulb.radiance * scene.bulb.radius * scene.bulb.radius / distance2
-                * (offset.dot(panel.z) / distance2.sqrt());
+                * (offset.dot(plane.z) / distance2.sqrt());
             let indirect = found.on_chart([a, b]);
             for channel in 0..3 {
                 let value = colour[channel] * (direct + indirect[channel]);
@@ -325,13 +324,16 @@ fn a_caustic_on_the_chart_is_not_worked_out() {
         ..PRESET
     };
     let specification = specification(&case);
-    let (_, stage) = prepared(&specification);
+    let (_, prepared) = scene_and_view(&specification);
     let reflectance = Reflectance::new(&material(&case), 0.0, Tint::Hue);
-    assert_eq!(stage.interreflection(&reflectance).err(), Some(Unresolved));
+    assert_eq!(
+        prepared.interreflection(&reflectance).err(),
+        Some(Unresolved)
+    );
     // In the preset the same mirror sends nothing that would matter.
     let preset = Specification::preset();
-    let (_, stage) = prepared(&preset);
-    let found = stage.interreflection(&reflectance).expect("resolved");
+    let (_, prepared) = scene_and_view(&preset);
+    let found = prepared.interreflection(&reflectance).expect("resolved");
     let found = found.expect("a view with a chart");
     assert!(
         found.evaluations() == 0 && found.error() < 1e-6,

@@ -74,7 +74,7 @@ fn stated_errors_hold_in_every_image() {
     let renderers = counts.map(|samples| traced(&specification, samples));
     let mut materials: Vec<(String, Material)> = HARD_CASES
         .iter()
-        // The reference of a sheet of a lobe takes minutes; the others are like their neighbours.
+        // The reference of a highly anisotropic lobe takes minutes; the others are like their neighbours.
         .filter(|case| {
             let left_out = ["brushed-mirror", "first-lambert", "black", "angle-180"];
             !left_out.contains(&case.name)
@@ -127,9 +127,9 @@ fn bulb_by_grid(specification: &Specification) -> f64 {
     let hits: u32 = (0..SIDE)
         .into_par_iter()
         .map(|row| {
-            let place = |index: u32| (f64::from(index) + 0.5) / f64::from(SIDE);
+            let middle = |index: u32| (f64::from(index) + 0.5) / f64::from(SIDE);
             let meets = |column: &u32| {
-                let ray = scene.camera.ray(place(*column), place(row));
+                let ray = scene.camera.ray(middle(*column), middle(row));
                 matches!(scene.encounter(&ray, None), Some(Encounter::Bulb))
             };
             (0..SIDE).filter(meets).count() as u32

@@ -8,7 +8,7 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use renderer::{reflectance::Reflectance, sampler::Dimension, sampler::Sampler, vector::Vec3};
 
 /// Half vectors on the unit square: slopes p and q along the lobe's axes in units of its widths,
-/// squashed so that the whole hemisphere has its place and no lobe is narrow.
+/// squashed so that the whole hemisphere is covered and no lobe is narrow.
 struct SlopeChart {
     sin_psi: f64,
     cos_psi: f64,
@@ -30,12 +30,12 @@ impl SlopeChart {
             (self.cos_psi * half.x + self.sin_psi * half.y) / half.z,
             (self.cos_psi * half.y - self.sin_psi * half.x) / half.z,
         ];
-        let place: [usize; 2] = std::array::from_fn(|axis| {
+        let cell: [usize; 2] = std::array::from_fn(|axis| {
             let scaled = slopes[axis] / self.widths[axis];
             let squashed = 0.5 + 0.5 * scaled / (1.0 + scaled * scaled).sqrt();
             ((squashed * cells as f64) as usize).min(cells - 1)
         });
-        place[0] * cells + place[1]
+        cell[0] * cells + cell[1]
     }
 
     /// The direction to the light at the point (s, t) of the square, and the steradians it stands

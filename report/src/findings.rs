@@ -235,7 +235,7 @@ pub fn stages(
                 .filter(|one| one.view == view && one.setting == setting)
                 .collect();
             let mut sums: Vec<(&'static str, f64)> = Vec::new();
-            for stage in here.iter().flat_map(|one| &one.stages) {
+            for stage in here.iter().flat_map(|one| &one.phases) {
                 let seconds = stage.seconds / here.len() as f64;
                 match sums.iter_mut().find(|(name, _)| *name == stage.name) {
                     Some((_, sum)) => *sum += seconds,
@@ -302,7 +302,7 @@ pub mod tests {
                 within_target: 0.5,
                 ratios: LogHistogram::new(),
             },
-            stages: Vec::new(),
+            phases: Vec::new(),
         }
     }
 

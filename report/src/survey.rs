@@ -5,7 +5,7 @@ use crate::comparison::{Comparison, compare};
 use crate::plan::{Plan, Setting};
 use dataset::{ErrorStatistics, Material, specification::Accuracy};
 use rayon::ThreadPool;
-use renderer::{RenderError, Renderer, Rendering, StageTime, film::Film, geometry::BackendChoice};
+use renderer::{PhaseTime, RenderError, Renderer, Rendering, film::Film, geometry::BackendChoice};
 use rustix::time::{ClockId, clock_gettime};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
@@ -35,8 +35,8 @@ pub struct Measurement {
     pub stated: ErrorStatistics,
     /// How far it is from the reference.
     pub comparison: Comparison,
-    /// What each stage took, in wall-clock seconds.
-    pub stages: Vec<StageTime>,
+    /// What each phase took, in wall-clock seconds.
+    pub phases: Vec<PhaseTime>,
 }
 
 /// Seconds of one rendering on one thread.
@@ -182,7 +182,7 @@ fn measurement(
         cost,
         stated: rendering.statistics,
         comparison: compare(&rendering.film, reference, accuracy),
-        stages: rendering.stages,
+        phases: rendering.phases,
     }
 }
 
@@ -225,7 +225,7 @@ mod tests {
             assert_eq!(one.comparison, other.comparison);
             assert_eq!(one.stated, other.stated);
             assert!(one.cost.wall_seconds > 0.0 && one.cost.cpu_seconds > 0.0);
-            let staged: f64 = one.stages.iter().map(|stage| stage.seconds).sum();
+            let staged: f64 = one.phases.iter().map(|stage| stage.seconds).sum();
             assert!(staged <= one.cost.wall_seconds);
         }
     }

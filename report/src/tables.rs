@@ -71,7 +71,7 @@ struct BackendRow {
 pub fn write(report: &Report) -> Result<Vec<File>, ReportError> {
     let name = |one: &Measurement| report.plan.materials[one.material].name.as_str();
     let stages = report.measurements.iter().flat_map(|one| {
-        one.stages.iter().map(move |stage| StageRow {
+        one.phases.iter().map(move |stage| StageRow {
             material: name(one),
             view: one.view,
             integrator: integrator_name(one.setting.integrator()),

@@ -58,9 +58,9 @@ impl Rerender for Again {
     }
 
     fn must_be_lit(&self, material: u32, view: u32) -> bool {
-        let place = view as usize;
+        let index = view as usize;
         let (Some(scene), Some(view)) =
-            (self.scenes.get(place), self.specification.views.get(place))
+            (self.scenes.get(index), self.specification.views.get(index))
         else {
             return false;
         };
@@ -77,19 +77,16 @@ fn sees_chart(scene: &Scene, specification: &Specification) -> bool {
     let Some(chart) = &scene.chart else {
         return false;
     };
-    let panel = chart.panel();
-    let faces = |from: Vec3| (from - panel.corner).dot(panel.z) > 0.0;
+    let plane = chart.plane();
+    let faces = |from: Vec3| (from - plane.corner).dot(plane.z) > 0.0;
     if !faces(scene.camera.position) || !faces(scene.bulb.centre) {
         return false;
     }
     let (width, height) = (specification.image.width, specification.image.height);
-    (0..panel.rows * panel.columns).any(|index| {
-        let (row, column) = (
-            panel.rows - 1 - index / panel.columns,
-            index % panel.columns,
-        );
-        let along = |number: u32| (f64::from(number) + 0.5) * panel.pitch;
-        let middle = panel.corner + panel.x * along(column) + panel.y * along(row);
+    (0..plane.rows * plane.columns).any(|index| {
+        let [column, row] = plane.cell(index as usize);
+        let along = |number: u32| (f64::from(number) + 0.5) * plane.pitch;
+        let middle = plane.corner + plane.x * along(column) + plane.y * along(row);
         let on_film = scene.camera.project(middle).is_some_and(|[x, y]| {
             (0.0..f64::from(width)).contains(&x) && (0.0..f64::from(height)).contains(&y)
         });

@@ -30,8 +30,8 @@ impl Canvas<'_> {
 
     /// Adds to a pixel.
     pub fn add(&mut self, (column, row): (u32, u32), value: [f64; 3], error: f64) {
-        let place = &mut self.pixels[(row * self.width + column) as usize];
-        add_scaled(&mut place.value, value, 1.0);
-        place.error += error;
+        let pixel = &mut self.pixels[(row * self.width + column) as usize];
+        add_scaled(&mut pixel.value, value, 1.0);
+        pixel.error += error;
     }
 }

@@ -281,7 +281,7 @@ impl LogTile {
                     low: [across[0], low],
                     high: [across[1], high],
                 };
-                let place = (column + index as u32, row);
+                let pixel = (column + index as u32, row);
                 if outline.contains(&cell) {
                     let weights = rules[0].on(across[0], across[1]);
                     let mut value = [0.0; 3];
@@ -291,11 +291,11 @@ impl LogTile {
                             value[channel] += weight * sums[channel][at % LANES];
                         }
                     }
-                    visit(place, value);
+                    visit(pixel, value);
                 } else {
                     let covered = outline.clipped(&cell);
                     if !covered.is_empty() {
-                        visit(place, self.integral_over(&covered, rules));
+                        visit(pixel, self.integral_over(&covered, rules));
                     }
                 }
             }

@@ -14,7 +14,7 @@ use super::log_tile::{LOG_MAX, LogBasis, LogFit, PixelSums, TintedLog, points_fo
 use super::tiling::roots;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
 use rayon::prelude::*;
 
@@ -59,7 +59,7 @@ pub struct Demand<'a> {
     /// Evaluations after which nothing is halved any more.
     pub evaluations_max: u64,
     /// How fine the function is worked out.
-    pub fineness: Fineness,
+    pub tolerance: Tolerance,
     /// What pixels are summed with.
     pub instructions: Instructions,
 }
@@ -73,8 +73,8 @@ pub trait LogShade: Sync {
     fn at(
         &self,
         scratch: &mut Self::Scratch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> (TintedLog, u32);
 
     /// A bound of the function on a rectangle, in any channel.
@@ -122,8 +122,8 @@ pub fn integrate<S: LogShade>(
                 evaluations += spent;
                 match growth {
                     Growth::Pixels(pixels) => {
-                        for (place, value, error) in pixels {
-                            canvas.add(place, value, error);
+                        for (index, value, error) in pixels {
+                            canvas.add(index, value, error);
                         }
                     }
                     Growth::Halves(parts) => halves.extend(parts),
@@ -187,27 +187,27 @@ impl<S: LogShade> Tiling<'_, S> {
             return (Growth::Halves(rectangle.halves(axis)), 0);
         }
         let mut spent = 0;
-        let mut evaluate = |place: [f64; 2], fineness: Fineness| {
-            let (value, evaluations) = self.shade.at(&mut buffers.shade, place, fineness);
+        let mut evaluate = |film_point: [f64; 2], tolerance: Tolerance| {
+            let (value, evaluations) = self.shade.at(&mut buffers.shade, film_point, tolerance);
             spent += u64::from(evaluations);
             value
         };
         let [low, high] = [rectangle.low, rectangle.high];
         let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
         // What a rule misses shows against the next finer one.
-        let mut fineness = self.demand.fineness;
-        let mut coarse = evaluate(middle, fineness);
+        let mut tolerance = self.demand.tolerance;
+        let mut coarse = evaluate(middle, tolerance);
         let missed = loop {
-            let fine = evaluate(middle, fineness.finer());
+            let fine = evaluate(middle, tolerance.finer());
             let missed = relative_difference(&coarse, &fine);
             let relative = self.relative(allowed, libm::exp(fine.log.min(LOG_MAX)));
-            if missed <= RULE_SHARE * relative || fineness.is_finest() {
+            if missed <= RULE_SHARE * relative || tolerance.is_finest() {
                 break missed;
             }
-            (fineness, coarse) = (fineness.finer(), fine);
+            (tolerance, coarse) = (tolerance.finer(), fine);
         };
         let nodes = self.basis.nodes(rectangle);
-        let values = nodes.map(|node| evaluate(node, fineness));
+        let values = nodes.map(|node| evaluate(node, tolerance));
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let relative = self.relative(allowed, fit.most);
         let sides = rectangle.sides();
@@ -227,9 +227,9 @@ impl<S: LogShade> Tiling<'_, S> {
             points,
             self.demand.instructions,
             &mut buffers.sums,
-            |place, value| {
+            |index, value| {
                 let brightest = value[0].max(value[1]).max(value[2]);
-                pixels.push((place, value, error * brightest));
+                pixels.push((index, value, error * brightest));
             },
         );
         (Growth::Pixels(pixels), spent)
@@ -252,9 +252,9 @@ impl<S: LogShade> Tiling<'_, S> {
     fn dark(&self, rectangle: &Rectangle, most: f64) -> Vec<((u32, u32), [f64; 3], f64)> {
         rectangle
             .pixels()
-            .filter_map(|place| {
-                let cell = Rectangle::pixel(place.0, place.1).intersection(rectangle)?;
-                Some((place, [0.0; 3], most * cell.area()))
+            .filter_map(|index| {
+                let cell = Rectangle::pixel(index.0, index.1).intersection(rectangle)?;
+                Some((index, [0.0; 3], most * cell.area()))
             })
             .collect()
     }
@@ -268,8 +268,8 @@ impl<S: LogShade> Tiling<'_, S> {
         }
         let least = rectangle
             .pixels()
-            .map(|place| {
-                let [r, g, b] = so_far.value(place);
+            .map(|index| {
+                let [r, g, b] = so_far.value(index);
                 r.max(g).max(b)
             })
             .fold(f64::INFINITY, f64::min);

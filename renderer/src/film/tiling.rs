@@ -11,7 +11,7 @@ use super::{FilmPixel, pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Tile};
 use crate::numerics::polygon::{Polygon, Rectangle};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
 use rayon::prelude::*;
 
@@ -49,7 +49,7 @@ pub struct Demand<'a> {
     /// Evaluations after which nothing is refined any more.
     pub evaluations_max: u64,
     /// How fine the function is worked out.
-    pub fineness: Fineness,
+    pub tolerance: Tolerance,
     /// What the function may be off by besides.
     pub function_error: f64,
 }
@@ -63,17 +63,17 @@ pub trait Shade: Sync {
     fn at(
         &self,
         scratch: &mut Self::Scratch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> ([f64; 3], u32);
 
-    /// What the function is off by at a place because of what it is told of the light, and
+    /// The error of the function at a film point that comes from the light given to it, and
     /// evaluations.
     fn light_error(
         &self,
         _scratch: &mut Self::Scratch,
-        _place: [f64; 2],
-        _fineness: Fineness,
+        _film_point: [f64; 2],
+        _tolerance: Tolerance,
     ) -> (f64, u32) {
         (0.0, 0)
     }
@@ -228,12 +228,12 @@ impl Cross {
     fn of<S: Shade>(
         shade: &S,
         nodes: &[[f64; 2]],
-        fineness: Fineness,
+        tolerance: Tolerance,
         scratch: &mut S::Scratch,
         spent: &mut u64,
     ) -> Self {
         let mut at = |index: usize| {
-            let (value, evaluations) = shade.at(scratch, nodes[index], fineness);
+            let (value, evaluations) = shade.at(scratch, nodes[index], tolerance);
             *spent += u64::from(evaluations);
             value
         };
@@ -297,7 +297,7 @@ impl<S: Shade> Tiling<'_, S> {
         // What was added before counts: a pixel's target is for all of it.
         let before = self.before.least(rectangle, self.outline);
         let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
-        let cross = Cross::of(self.shade, &nodes, demand.fineness, scratch, &mut spent);
+        let cross = Cross::of(self.shade, &nodes, demand.tolerance, scratch, &mut spent);
         if effort != Effort::None {
             let allowed = self.allowed(before + self.gain * cross.least(), effort);
             let tails = self.basis.cross_tails(&cross.row, &cross.column);
@@ -308,9 +308,9 @@ impl<S: Shade> Tiling<'_, S> {
                 return (Growth::Halves(rectangle.halves(axis)), spent);
             }
         }
-        let (fineness, missed) = self.rule(rectangle, before, effort, scratch, &mut spent);
-        let mut evaluate = |place: [f64; 2], fineness: Fineness| {
-            let (value, evaluations) = self.shade.at(scratch, place, fineness);
+        let (tolerance, missed) = self.rule(rectangle, before, effort, scratch, &mut spent);
+        let mut evaluate = |film_point: [f64; 2], tolerance: Tolerance| {
+            let (value, evaluations) = self.shade.at(scratch, film_point, tolerance);
             spent += u64::from(evaluations);
             value
         };
@@ -318,8 +318,8 @@ impl<S: Shade> Tiling<'_, S> {
             .iter()
             .enumerate()
             .map(|(index, node)| match cross.value(index) {
-                Some(value) if !fineness.is_finer_than(demand.fineness) => value,
-                _ => evaluate(*node, fineness),
+                Some(value) if !tolerance.is_finer_than(demand.tolerance) => value,
+                _ => evaluate(*node, tolerance),
             });
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
@@ -328,7 +328,7 @@ impl<S: Shade> Tiling<'_, S> {
         let off_corners = rectangle
             .corners()
             .map(|corner| {
-                let found = evaluate(corner, fineness);
+                let found = evaluate(corner, tolerance);
                 largest_difference(found, tile.value(corner))
             })
             .into_iter()
@@ -350,7 +350,7 @@ impl<S: Shade> Tiling<'_, S> {
             .map(|region| {
                 let covered = region.outline.clipped(rectangle);
                 let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
-                    evaluate([column, row], fineness)
+                    evaluate([column, row], tolerance)
                 });
                 (value, error + missed * covered.area())
             })
@@ -366,29 +366,29 @@ impl<S: Shade> Tiling<'_, S> {
         effort: Effort,
         scratch: &mut S::Scratch,
         spent: &mut u64,
-    ) -> (Fineness, f64) {
+    ) -> (Tolerance, f64) {
         let [low, high] = [rectangle.low, rectangle.high];
         let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
-        let mut fineness = self.demand.fineness;
-        let (light_error, first) = self.shade.light_error(scratch, middle, fineness);
+        let mut tolerance = self.demand.tolerance;
+        let (light_error, first) = self.shade.light_error(scratch, middle, tolerance);
         *spent += u64::from(first);
-        let mut evaluate = |fineness: Fineness| {
-            let (value, evaluations) = self.shade.at(scratch, middle, fineness);
+        let mut evaluate = |tolerance: Tolerance| {
+            let (value, evaluations) = self.shade.at(scratch, middle, tolerance);
             *spent += u64::from(evaluations);
             value
         };
         // What a rule misses shows against a finer one.
-        let mut check = fineness.finer();
+        let mut check = tolerance.finer();
         let mut fine = evaluate(check);
         loop {
-            let missed = largest_difference(evaluate(fineness), fine);
+            let missed = largest_difference(evaluate(tolerance), fine);
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            if missed <= RULE_SHARE * self.allowed(brightness, effort) || fineness.is_finest() {
-                return (fineness, missed + self.demand.function_error + light_error);
+            if missed <= RULE_SHARE * self.allowed(brightness, effort) || tolerance.is_finest() {
+                return (tolerance, missed + self.demand.function_error + light_error);
             }
-            fineness = fineness.little_finer(check);
-            if fineness.is_check() {
-                check = fineness.finer();
+            tolerance = tolerance.little_finer(check);
+            if tolerance.is_check() {
+                check = tolerance.finer();
                 fine = evaluate(check);
             }
         }
@@ -449,8 +449,8 @@ fn add_region(
     value: [f64; 3],
     error: f64,
 ) {
-    let place = (cell.low[0] as u32, cell.low[1] as u32);
+    let index = (cell.low[0] as u32, cell.low[1] as u32);
     let gain = region.factor.into_iter().fold(0.0, f64::max);
     let scaled = std::array::from_fn(|channel| region.factor[channel] * value[channel]);
-    canvas.add(place, scaled, gain * error);
+    canvas.add(index, scaled, gain * error);
 }

@@ -40,7 +40,7 @@ pub enum GeometryError {
     /// A primitive's numbers make no sense.
     #[error("primitive {index} cannot be traced: {reason}")]
     Primitive {
-        /// Its place in the list.
+        /// Its index in the list.
         index: usize,
         /// What is wrong with it.
         reason: &'static str,
@@ -65,7 +65,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Checks the primitives and builds the backend. Ids are places in the list.
+    /// Checks the primitives and builds the backend. Ids are indices in the list.
     ///
     /// # Errors
     ///
@@ -116,8 +116,8 @@ impl Geometry {
         }
     }
 
-    /// Whether anything but `from` and `target` is met at a distance in (0, `distance_max`).
-    /// `distance_max` may be infinite; nothing is met below one that is zero, negative or NaN.
+    /// Whether anything but `from` and `target` is found at a distance in (0, `distance_max`).
+    /// `distance_max` may be infinite; nothing is found below one that is zero, negative or NaN.
     pub fn occluded(
         &self,
         ray: &Ray,

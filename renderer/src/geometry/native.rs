@@ -11,24 +11,24 @@ pub(crate) fn intersect(primitives: &[Primitive], ray: &Ray, from: PrimitiveId) 
         if id == from {
             continue;
         }
-        let Some(met) = primitive.meet(ray, distance_max) else {
+        let Some(found) = primitive.intersect(ray, distance_max) else {
             continue;
         };
         // Ids grow, so at the same distance the earlier hit stands.
-        if nearest.is_none() || met.distance < distance_max {
-            distance_max = met.distance;
+        if nearest.is_none() || found.distance < distance_max {
+            distance_max = found.distance;
             nearest = Some(Hit {
-                distance: met.distance,
+                distance: found.distance,
                 primitive: id,
-                u: met.u,
-                v: met.v,
+                u: found.u,
+                v: found.v,
             });
         }
     }
     nearest
 }
 
-/// Whether anything but `from` and `target` is met before `distance_max`, which is finite.
+/// Whether anything but `from` and `target` is found before `distance_max`, which is finite.
 pub(crate) fn occluded(
     primitives: &[Primitive],
     ray: &Ray,
@@ -43,7 +43,7 @@ pub(crate) fn occluded(
             id != from
                 && id != target
                 && primitive
-                    .meet(ray, distance_max)
-                    .is_some_and(|met| met.distance < distance_max)
+                    .intersect(ray, distance_max)
+                    .is_some_and(|found| found.distance < distance_max)
         })
 }

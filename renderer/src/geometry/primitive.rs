@@ -99,7 +99,7 @@ impl Rectangle {
         distance * distance / (cosine.abs() * self.u_length * self.v_length)
     }
 
-    fn meet(&self, ray: &Ray, distance_max: f64) -> Option<Meeting> {
+    fn intersect(&self, ray: &Ray, distance_max: f64) -> Option<Intersection> {
         let offset = ray.origin - self.corner;
         let cosine = self.normal.dot(ray.direction);
         // A ray in the plane gives an infinity or a NaN, which no comparison lets through.
@@ -114,7 +114,7 @@ impl Rectangle {
             (0.0..self.u_length).contains(&along_u) && (0.0..self.v_length).contains(&along_v);
         // The quotients stay below 1: a number below another by a last place or more has a
         // quotient with it that is no nearer to 1 than the largest float below 1.
-        inside.then(|| Meeting {
+        inside.then(|| Intersection {
             distance,
             u: along_u / self.u_length,
             v: along_v / self.v_length,
@@ -170,7 +170,7 @@ impl Sphere {
     /// and distant sphere, and the root that would cancel from the product of the two roots
     /// (Haines, Guenther and Akenine-Moeller, "Precision Improvements for Ray/Sphere
     /// Intersection", Ray Tracing Gems, 2019, chapter 7).
-    fn meet(&self, ray: &Ray, distance_max: f64) -> Option<Meeting> {
+    fn intersect(&self, ray: &Ray, distance_max: f64) -> Option<Intersection> {
         let to_centre = self.centre - ray.origin;
         let along = to_centre.dot(ray.direction);
         let across = to_centre - ray.direction * along;
@@ -188,7 +188,7 @@ impl Sphere {
             (near, product / near)
         };
         let distance = if near > 0.0 { near } else { far };
-        (distance > 0.0 && distance <= distance_max).then_some(Meeting {
+        (distance > 0.0 && distance <= distance_max).then_some(Intersection {
             distance,
             u: 0.0,
             v: 0.0,
@@ -224,10 +224,10 @@ pub enum Primitive {
 impl Primitive {
     /// Where the ray first meets the primitive at a distance in (0, `distance_max`];
     /// `distance_max` is finite, so the distance is.
-    pub(crate) fn meet(&self, ray: &Ray, distance_max: f64) -> Option<Meeting> {
+    pub(crate) fn intersect(&self, ray: &Ray, distance_max: f64) -> Option<Intersection> {
         match self {
-            Self::Rectangle(rectangle) => rectangle.meet(ray, distance_max),
-            Self::Sphere(sphere) => sphere.meet(ray, distance_max),
+            Self::Rectangle(rectangle) => rectangle.intersect(ray, distance_max),
+            Self::Sphere(sphere) => sphere.intersect(ray, distance_max),
         }
     }
 
@@ -254,7 +254,7 @@ impl Primitive {
 
 /// Where a ray meets one primitive.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Meeting {
+pub(crate) struct Intersection {
     pub distance: f64,
     pub u: f64,
     pub v: f64,

@@ -2,29 +2,29 @@
 
 use crate::film::tiling::Region;
 use crate::numerics::polygon::Polygon;
-use crate::scene::{Chart, Panel, PinholeCamera};
+use crate::scene::{Chart, ChartPlane, PinholeCamera};
 use crate::vector::Vec3;
 
 /// The chart as a camera sees it.
 #[derive(Debug)]
-pub struct PanelOnFilm {
-    /// Its place.
-    pub panel: Panel,
+pub struct ChartOnFilm {
+    /// Its plane.
+    pub plane: ChartPlane,
     /// Its outline on the film.
     pub outline: Polygon,
     /// Reflectances of the patches, the far row first.
     pub patches: Vec<[f64; 3]>,
 }
 
-impl PanelOnFilm {
+impl ChartOnFilm {
     /// The chart; `None` where it reaches behind the camera.
     pub fn new(chart: &Chart, camera: &PinholeCamera) -> Option<Self> {
-        let panel = chart.panel();
-        let [width, height] = panel.size();
+        let plane = chart.plane();
+        let [width, height] = plane.size();
         let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-        let outline = project(camera, corners.map(|[a, b]| panel.point(a, b)))?;
+        let outline = project(camera, corners.map(|[a, b]| plane.point(a, b)))?;
         Some(Self {
-            panel,
+            plane,
             outline,
             patches: chart.patches().to_vec(),
         })
@@ -43,23 +43,23 @@ impl PanelOnFilm {
 
     /// The corners of a patch.
     fn corners(&self, index: usize) -> [Vec3; 4] {
-        let ([a, b], pitch) = (self.low_corner(index), self.panel.pitch);
+        let ([a, b], pitch) = (self.low_corner(index), self.plane.pitch);
         [[0.0, 0.0], [pitch, 0.0], [pitch, pitch], [0.0, pitch]]
-            .map(|[da, db]| self.panel.point(a + da, b + db))
+            .map(|[da, db]| self.plane.point(a + da, b + db))
     }
 
     /// (a, b) of a patch's lower left corner.
     fn low_corner(&self, index: usize) -> [f64; 2] {
-        let steps = self.panel.cell(index);
-        steps.map(|step| f64::from(step) * self.panel.pitch)
+        let steps = self.plane.cell(index);
+        steps.map(|step| f64::from(step) * self.plane.pitch)
     }
 }
 
 /// The outline of a quadrilateral on the film; `None` where it reaches behind the camera.
 pub fn project(camera: &PinholeCamera, corners: [Vec3; 4]) -> Option<Polygon> {
     let mut film = [[0.0; 2]; 4];
-    for (place, corner) in film.iter_mut().zip(corners) {
-        *place = camera.project(corner)?;
+    for (point, corner) in film.iter_mut().zip(corners) {
+        *point = camera.project(corner)?;
     }
     Some(Polygon::quadrilateral(film))
 }

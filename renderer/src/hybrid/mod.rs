@@ -7,7 +7,7 @@
 //! ([`interreflection`]). Each is a smooth function of the film, or one with edges at known scales,
 //! and pixels are its integrals ([`crate::film::tiling`]).
 //!
-//! A view that is not of this kind goes to the path tracer: see [`Stage::new`].
+//! A view that is not of this kind goes to the path tracer: see [`PreparedView::new`].
 
 mod chart_itself;
 mod chart_on_film;
@@ -19,41 +19,41 @@ mod view;
 use crate::film::canvas::Canvas;
 use crate::film::{Film, FilmPixel};
 use crate::numerics::instructions::Instructions;
+use crate::phase_time::{PhaseTime, timed};
 use crate::reflectance::Reflectance;
-use crate::scene::{Bulb, Panel, Scene};
-use crate::stage_time::{StageTime, timed};
+use crate::scene::{Bulb, ChartPlane, Scene};
 use crate::vector::Vec3;
-use chart_on_film::PanelOnFilm;
+use chart_on_film::ChartOnFilm;
 use dataset::specification::Specification;
 pub use interreflection::{Interreflection, Unresolved};
 use view::View;
 
 /// A view that the hybrid integrator can render.
 #[derive(Debug)]
-pub struct Stage {
+pub struct PreparedView {
     view: View,
-    panel: Option<PanelOnFilm>,
+    chart: Option<ChartOnFilm>,
 }
 
-impl Stage {
-    /// The stage of a view, `None` where the view is not of the kind that can be worked out: the
-    /// sample or the chart reaches behind the camera, the camera sees the bulb itself, or the bulb
-    /// stands between chart and sample.
+impl PreparedView {
+    /// Prepares a view; `None` where the hybrid integrator cannot render it: the sample or the chart
+    /// reaches behind the camera, the camera sees the bulb itself, or the bulb stands between chart
+    /// and sample.
     pub fn new(scene: &Scene, specification: &Specification) -> Option<Self> {
         if scene.camera.may_see(scene.bulb.centre, scene.bulb.radius) {
             return None;
         }
         let view = View::new(scene, specification)?;
-        let panel = match &scene.chart {
+        let chart = match &scene.chart {
             None => None,
-            Some(chart) => Some(PanelOnFilm::new(chart, &scene.camera)?),
+            Some(chart) => Some(ChartOnFilm::new(chart, &scene.camera)?),
         };
-        if let Some(panel) = &panel
-            && !stands_clear(&scene.bulb, view.sample_half, &panel.panel)
+        if let Some(chart) = &chart
+            && !stands_clear(&scene.bulb, view.sample_half, &chart.plane)
         {
             return None;
         }
-        Some(Self { view, panel })
+        Some(Self { view, chart })
     }
 
     /// The same on another instruction set: the same bits, sooner or later.
@@ -62,7 +62,7 @@ impl Stage {
         self
     }
 
-    /// What sample and chart send each other: the same for all views with one light and one turn of
+    /// What sample and chart send each other: the same for all views with one light and one rotation of
     /// the sample. `None` for a view without chart.
     ///
     /// # Errors
@@ -71,24 +71,24 @@ impl Stage {
         &self,
         reflectance: &Reflectance,
     ) -> Result<Option<Interreflection>, Unresolved> {
-        self.panel
+        self.chart
             .as_ref()
-            .map(|panel| Interreflection::new(&self.view, panel, reflectance))
+            .map(|chart| Interreflection::new(&self.view, chart, reflectance))
             .transpose()
     }
 
-    /// Renders the view, counts evaluations of the reflectance, and times the stages.
-    /// `interreflection` is that of [`Stage::interreflection`]; if it is not at hand it is worked
-    /// out as a stage. `key` names the image, for what is sampled.
+    /// Renders the view, counts evaluations of the reflectance, and times the phases.
+    /// `interreflection` is that of [`PreparedView::interreflection`]; if it is not at hand it is worked
+    /// out as a phase. `key` names the image, for what is sampled.
     ///
     /// # Errors
-    /// Those of [`Stage::interreflection`].
+    /// Those of [`PreparedView::interreflection`].
     pub fn render(
         &self,
         reflectance: &Reflectance,
         interreflection: Option<&Interreflection>,
         key: u64,
-    ) -> Result<(Film, u64, Vec<StageTime>), Unresolved> {
+    ) -> Result<(Film, u64, Vec<PhaseTime>), Unresolved> {
         let [width, height] = self.view.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
         let mut canvas = Canvas {
@@ -96,30 +96,30 @@ impl Stage {
             height,
             pixels: &mut pixels,
         };
-        let mut stages = Vec::new();
-        let mut evaluations = timed(&mut stages, "bulb", || {
+        let mut phases = Vec::new();
+        let mut evaluations = timed(&mut phases, "bulb", || {
             direct::add(&self.view, &mut canvas, reflectance)
         });
-        if let Some(panel) = &self.panel {
+        if let Some(chart) = &self.chart {
             let mut own = None;
             let interreflection = match interreflection {
                 Some(interreflection) => interreflection,
-                None => timed(&mut stages, "interreflection", || {
-                    Interreflection::new(&self.view, panel, reflectance)
+                None => timed(&mut phases, "interreflection", || {
+                    Interreflection::new(&self.view, chart, reflectance)
                         .map(|made| own.insert(made))
                 })?,
             };
             // Counted with every view, so that an image's label does not tell what was at hand.
             evaluations += interreflection.evaluations();
-            timed(&mut stages, "chart", || {
-                chart_itself::add(&self.view, &mut canvas, panel, interreflection);
+            timed(&mut phases, "chart", || {
+                chart_itself::add(&self.view, &mut canvas, chart, interreflection);
             });
             if self.view.bounces_max > 1 {
-                evaluations += timed(&mut stages, "reflected chart", || {
+                evaluations += timed(&mut phases, "reflected chart", || {
                     reflected_chart::add(
                         &self.view,
                         &mut canvas,
-                        panel,
+                        chart,
                         interreflection,
                         reflectance,
                         key,
@@ -136,7 +136,7 @@ impl Stage {
             height,
             pixels,
         };
-        Ok((film, evaluations, stages))
+        Ok((film, evaluations, phases))
     }
 }
 
@@ -144,10 +144,10 @@ impl Stage {
 ///
 /// All of them lie below the plane through the sample's far edge and the chart's upper one, which
 /// both run along x, as seen from the side where the bulb stands in front of the chart.
-fn stands_clear(bulb: &Bulb, half: f64, panel: &Panel) -> bool {
+fn stands_clear(bulb: &Bulb, half: f64, plane: &ChartPlane) -> bool {
     let far = Vec3::new(0.0, -half, 0.0);
-    let [_, height] = panel.size();
-    let rise = panel.point(0.0, height) - far;
+    let [_, height] = plane.size();
+    let rise = plane.point(0.0, height) - far;
     let upward = Vec3::new(0.0, -rise.z, rise.y);
     upward.dot(bulb.centre - far) > bulb.radius * upward.length()
 }

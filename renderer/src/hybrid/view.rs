@@ -3,9 +3,9 @@
 use super::chart_on_film::project;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::Polygon;
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
-use crate::scene::{Bulb, Panel, PinholeCamera, Scene};
+use crate::scene::{Bulb, ChartPlane, PinholeCamera, Scene};
 use crate::vector::Vec3;
 use dataset::specification::{Accuracy, Specification};
 
@@ -20,9 +20,9 @@ pub const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
 /// The same on small films for the chart, each of whose evaluations takes longer.
 pub const CHART_EVALUATIONS_MIN: u64 = 2_000_000;
 
-/// The same for the chart off a narrow lobe, where each takes three times as long.
-pub const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 800;
-pub const GLOSSY_EVALUATIONS_MIN: u64 = 5_000_000;
+/// The same for the chart off a highly anisotropic lobe, where each takes three times as long.
+pub const ANISOTROPIC_EVALUATIONS_PER_PIXEL: u64 = 800;
+pub const ANISOTROPIC_EVALUATIONS_MIN: u64 = 5_000_000;
 
 /// Tiles are as long as this many features of the function on them.
 pub const FEATURES_PER_TILE: f64 = 3.0;
@@ -44,10 +44,10 @@ const CHART_RULE_SHARE: f64 = 0.01;
 /// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
 const CHART_TILE: f64 = 2.0;
 
-/// The same two for the chart off a narrow lobe, which is smooth but where an edge of a patch runs
+/// The same two for the chart off a highly anisotropic lobe, which is smooth but where an edge of a patch runs
 /// along the lobe's wide axis.
-const GLOSSY_RULE_SHARE: f64 = 0.05;
-pub const GLOSSY_TILE: f64 = 6.0;
+const ANISOTROPIC_RULE_SHARE: f64 = 0.05;
+pub const ANISOTROPIC_TILE: f64 = 6.0;
 
 /// The same two where the target is at least `COARSE`: a third of the work, and the stated errors
 /// still hold.
@@ -75,13 +75,13 @@ pub struct View {
     /// The targets of the parts that add up to a pixel, and how fine they are worked out.
     pub bulb_accuracy: Accuracy,
     /// That of the bulb's light at a point.
-    pub bulb_fineness: Fineness,
+    pub bulb_tolerance: Tolerance,
     /// The target of the chart, seen straight and in the sample.
     pub chart_accuracy: Accuracy,
     /// That of the chart's light at a point.
-    pub chart_fineness: Fineness,
+    pub chart_tolerance: Tolerance,
     /// The same off a highly anisotropic lobe.
-    pub glossy_fineness: Fineness,
+    pub anisotropic_tolerance: Tolerance,
     /// How long the tiles of the chart in the sample are: see [`CHART_TILE`].
     pub chart_tile: f64,
     /// What kernels are worked out with.
@@ -111,13 +111,13 @@ impl View {
                 absolute: BULB_SHARE * BULB_FAINT * accuracy.absolute,
                 relative: BULB_SHARE * accuracy.relative,
             },
-            bulb_fineness: Fineness::new(BULB_RULE_SHARE * target),
+            bulb_tolerance: Tolerance::new(BULB_RULE_SHARE * target),
             chart_accuracy: Accuracy {
                 absolute: CHART_SHARE * accuracy.absolute,
                 relative: CHART_SHARE * accuracy.relative,
             },
-            chart_fineness: Fineness::new(chart_rule_share * target),
-            glossy_fineness: Fineness::new(GLOSSY_RULE_SHARE * target),
+            chart_tolerance: Tolerance::new(chart_rule_share * target),
+            anisotropic_tolerance: Tolerance::new(ANISOTROPIC_RULE_SHARE * target),
             chart_tile,
             instructions: Instructions::widest(),
         })
@@ -144,10 +144,10 @@ impl View {
     }
 
     /// The bulb's irradiance over pi at (a, b) of the chart, in front of which it stands as a whole.
-    pub fn bulb_on_chart(&self, panel: &Panel, [a, b]: [f64; 2]) -> f64 {
-        let offset = self.bulb.centre - panel.point(a, b);
+    pub fn bulb_on_chart(&self, plane: &ChartPlane, [a, b]: [f64; 2]) -> f64 {
+        let offset = self.bulb.centre - plane.point(a, b);
         let distance2 = offset.length_squared();
-        let cosine = offset.dot(panel.z) / distance2.sqrt();
+        let cosine = offset.dot(plane.z) / distance2.sqrt();
         let Bulb {
             radiance, radius, ..
         } = self.bulb;

@@ -90,8 +90,8 @@ impl<const TERMS: usize> Basis<TERMS> {
     ) -> (Tile<TERMS>, Fit) {
         let mut values = [[[0.0; 3]; TERMS]; TERMS];
         let mut least = f64::INFINITY;
-        for (place, value) in values.iter_mut().flatten().zip(at_nodes) {
-            *place = value;
+        for (node, value) in values.iter_mut().flatten().zip(at_nodes) {
+            *node = value;
             let brightest = value[0].max(value[1]).max(value[2]);
             least = least.min(brightest);
         }

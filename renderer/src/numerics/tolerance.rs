@@ -1,23 +1,24 @@
-//! How fine a rule over a lobe is, and what that asks of it.
+//! The tolerance of a rule over a lobe, and the points that it takes.
 
 use std::f64::consts::LN_10;
 
-/// So many digits more take at least one point more along every interval.
+/// A tolerance finer by this many digits takes at least one point more along every interval.
 const FINER_DIGITS: f64 = 3.3;
 
 /// Digits beyond those that count at which an integrand's tail is cut: the tail's integral is a
 /// few times what it is at the cut.
 const SPARE_DIGITS: f64 = 0.5;
 
-/// How fine a cubature over a lobe is: the decimal digits of its largest value that count.
+/// The error allowed to a cubature over a lobe, as a share of the lobe's largest value.
 #[derive(Clone, Copy, Debug)]
-pub struct Fineness {
+pub struct Tolerance {
+    /// Minus its decimal logarithm: the digits that count.
     digits: f64,
-    /// Whether it is there to tell how far a coarser one is off.
+    /// Whether it only checks how far a coarser one is off.
     check: bool,
 }
 
-impl Fineness {
+impl Tolerance {
     /// For errors of about `error` times the lobe's largest value.
     pub fn new(error: f64) -> Self {
         Self {
@@ -65,7 +66,7 @@ impl Fineness {
         self.digits > other.digits
     }
 
-    /// Whether it was made by [`Fineness::finer`].
+    /// Whether it was made by [`Tolerance::finer`].
     pub fn is_check(self) -> bool {
         self.check
     }
@@ -93,8 +94,8 @@ impl Fineness {
         LN_10 * (self.digits + SPARE_DIGITS)
     }
 
-    /// The fineness for a part of an integral that begins so far below the largest value: no digit
-    /// counts there that lies below the last of the whole.
+    /// The tolerance for a part of an integral whose logarithm starts this far below the largest value:
+    /// digits below the last one of the whole do not count there.
     #[inline(always)]
     pub fn after_fall(self, fall: f64) -> Self {
         Self {

@@ -25,10 +25,11 @@ impl Outline {
         let corners: Vec<[f64; 3]> = directions.map(|to| camera.homogeneous(to)).collect();
         let in_front = corners.iter().all(|[_, _, depth]| *depth > 0.0);
         let bounds = [0, 1].map(|axis| {
-            let places = corners.iter().map(|corner| corner[axis] / corner[2]);
-            places.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], place| {
-                [low.min(place), high.max(place)]
-            })
+            let positions = corners.iter().map(|corner| corner[axis] / corner[2]);
+            positions.fold(
+                [f64::INFINITY, f64::NEG_INFINITY],
+                |[low, high], position| [low.min(position), high.max(position)],
+            )
         });
         Self {
             corners,
@@ -51,8 +52,8 @@ impl Outline {
         let outer = inner / libm::cos(PI / f64::from(OUTLINE_SIDES));
         [outer, inner].map(|tangent| {
             let corners = (0..OUTLINE_SIDES).map(|side| {
-                let turn = 2.0 * PI * f64::from(side) / f64::from(OUTLINE_SIDES);
-                let (sin, cos) = libm::sincos(turn);
+                let angle = 2.0 * PI * f64::from(side) / f64::from(OUTLINE_SIDES);
+                let (sin, cos) = libm::sincos(angle);
                 axis + x * (tangent * cos) + y * (tangent * sin)
             });
             Self::new(camera, corners)
@@ -63,7 +64,8 @@ impl Outline {
     pub fn within_pixel(&self, column: u32, row: u32) -> Option<Area> {
         let (column, row) = (f64::from(column), f64::from(row));
         if let Some([columns, rows]) = self.bounds {
-            let apart = |[low, high]: [f64; 2], place: f64| high <= place || low >= place + 1.0;
+            let apart =
+                |[low, high]: [f64; 2], position: f64| high <= position || low >= position + 1.0;
             if apart(columns, column) || apart(rows, row) {
                 return None;
             }

@@ -3,7 +3,7 @@
 //! A half vector is written by its slopes (p, q) = (h_u, h_v)/h_z in the frame of the lobe. Those
 //! that turn a given viewer to the bulb fill an ellipse. Its extent along p is sampled by the
 //! narrow axis of the lobe, and its chord there by the wide one. So no sample misses the bulb, and
-//! none finds the lobe by chance: neither a mirror nor a thin sheet makes rare events.
+//! none finds the lobe by chance: neither a mirror nor a highly anisotropic lobe makes rare events.
 
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
@@ -169,7 +169,7 @@ fn per_steradian(half: Vec3, wo: Vec3) -> f64 {
     1.0 / (4.0 * half.dot(wo) * half.z * half.z * half.z)
 }
 
-/// Places (u, v) around a rectangle.
+/// Positions (u, v) around a rectangle.
 const OUTLINE: [[f64; 2]; 8] = [
     [0.0, 0.0],
     [0.5, 0.0],
@@ -229,7 +229,7 @@ impl<'a> Window<'a> {
         };
         let mut extents = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for point in points {
-            for (extent, x) in extents.iter_mut().zip(turned(point, axis)) {
+            for (extent, x) in extents.iter_mut().zip(rotated(point, axis)) {
                 *extent = [extent[0].min(x), extent[1].max(x)];
             }
         }
@@ -282,9 +282,9 @@ impl<'a> Window<'a> {
         let half = (self.lobe.to_lobe(wi) + self.wo).normalized();
         let [per_p, per_q] = self.inverse_widths;
         let point = [half.x / half.z * per_p, half.y / half.z * per_q];
-        let place = turned(point, self.axis);
+        let position = rotated(point, self.axis);
         let mut density = per_p * per_q * per_steradian(half, self.wo);
-        for ((x, extent), slice) in place.into_iter().zip(self.extents).zip(self.slices) {
+        for ((x, extent), slice) in position.into_iter().zip(self.extents).zip(self.slices) {
             if !(extent[0] <= x && x <= extent[1]) {
                 return 0.0;
             }
@@ -295,12 +295,12 @@ impl<'a> Window<'a> {
 }
 
 /// Along an axis and across it.
-fn turned([x, y]: [f64; 2], axis: [f64; 2]) -> [f64; 2] {
+fn rotated([x, y]: [f64; 2], axis: [f64; 2]) -> [f64; 2] {
     [axis[0] * x + axis[1] * y, axis[0] * y - axis[1] * x]
 }
 
 /// How often the nearest point of the outline is corrected for the outline's being curved. Three
-/// times finds where even a sheet of a lobe crosses it.
+/// times finds where even a highly anisotropic lobe crosses it.
 const CORRECTIONS: usize = 3;
 
 /// The point of a surface that is nearest to the origin, from the `points` of its outline and a
@@ -331,7 +331,7 @@ fn nearest_point(
         return [0.0; 2];
     }
     for _ in 0..CORRECTIONS {
-        let between = (found.place, point(found.place));
+        let between = (found.position, point(found.position));
         let halves = [[line[0], between], [between, line[1]]];
         let of_halves = halves.each_ref().map(nearest_of_line);
         let closer = usize::from(of_halves[1].distance2 < of_halves[0].distance2);
@@ -344,24 +344,24 @@ fn nearest_point(
 #[derive(Clone, Copy)]
 struct Nearest {
     /// On the surface, never beyond its edges.
-    place: [f64; 2],
+    position: [f64; 2],
     /// Between the two that the line is drawn through.
     point: [f64; 2],
     distance2: f64,
 }
 
-/// A place on a surface and its point.
+/// A position on a surface and its point.
 type Known = ([f64; 2], [f64; 2]);
 
-fn nearest_of_line([(place, from), (place_to, to)]: &[Known; 2]) -> Nearest {
+fn nearest_of_line([(position, from), (position_to, to)]: &[Known; 2]) -> Nearest {
     let step = [to[0] - from[0], to[1] - from[1]];
     let length2 = step[0] * step[0] + step[1] * step[1];
     let along = -(from[0] * step[0] + from[1] * step[1]) / length2.max(f64::MIN_POSITIVE);
     let along = along.clamp(0.0, 1.0);
-    let place = [0, 1].map(|axis| place[axis] + (place_to[axis] - place[axis]) * along);
+    let position = [0, 1].map(|axis| position[axis] + (position_to[axis] - position[axis]) * along);
     let point = [from[0] + step[0] * along, from[1] + step[1] * along];
     Nearest {
-        place,
+        position,
         point,
         distance2: point[0] * point[0] + point[1] * point[1],
     }
@@ -421,9 +421,9 @@ mod tests {
         }
     }
 
-    /// A thin sheet of a lobe that crosses a surface is found there.
+    /// A highly anisotropic lobe that crosses a surface is found there.
     #[test]
-    fn a_window_finds_a_sheet() {
+    fn a_window_finds_a_highly_anisotropic_lobe() {
         let lobe = Lobe::new(0.0, 1.0, 130.0);
         let wo = Vec3::new(0.05, 0.0, 1.0).normalized();
         let sides = [Vec3::new(0.16, 0.0, 0.0), Vec3::new(0.0, 0.19, 0.15)];

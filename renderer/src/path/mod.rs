@@ -63,8 +63,8 @@ pub fn render(
         .zip(parts.par_chunks_mut(width))
         .zip(0..image.height)
         .for_each(|((line, parts), row)| {
-            for ((place, parts), column) in line.iter_mut().zip(parts).zip(0..) {
-                (*place, *parts) = pixel(column, row);
+            for ((sample, parts), column) in line.iter_mut().zip(parts).zip(0..) {
+                (*sample, *parts) = pixel(column, row);
             }
         });
     interval::add_unseen(&mut pixels, width, paths, |index| parts[index] == 0);
@@ -81,27 +81,27 @@ pub fn render(
 /// centre the chart began for them.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
-    met: bool,
+    hit: bool,
     /// The least negative logarithm of the lobe on the chart, over its peak.
     log_lobe: f64,
 }
 
 impl Reach {
     const NONE: Self = Self {
-        met: false,
+        hit: false,
         log_lobe: f64::INFINITY,
     };
 
     fn or(self, other: Self) -> Self {
         Self {
-            met: self.met || other.met,
+            hit: self.hit || other.hit,
             log_lobe: self.log_lobe.min(other.log_lobe),
         }
     }
 
     /// At most the share of a pixel's light that goes to the chart, `paths` paths not having met it.
     fn unseen(&self, paths: u32) -> f64 {
-        if self.met {
+        if self.hit {
             0.0
         } else {
             interval::UNSEEN / f64::from(paths) * libm::exp(-self.log_lobe)
@@ -200,11 +200,11 @@ impl<'a> Tracer<'a> {
             outlines.push((Target::Surface(id), outline));
         }
         let chart_max = scene.chart.as_ref().map_or(0.0, |chart| {
-            let panel = chart.panel();
-            let offset = centre - panel.corner;
-            let beside = [panel.x, panel.y].map(|axis| offset.dot(axis));
-            let [width, height] = panel.size();
-            let nearest = panel.point(beside[0].clamp(0.0, width), beside[1].clamp(0.0, height));
+            let plane = chart.plane();
+            let offset = centre - plane.corner;
+            let beside = [plane.x, plane.y].map(|axis| offset.dot(axis));
+            let [width, height] = plane.size();
+            let nearest = plane.point(beside[0].clamp(0.0, width), beside[1].clamp(0.0, height));
             let distance = (centre - nearest).length();
             let patches = chart.patches().iter().flatten();
             let ratio = radius / distance;
@@ -333,7 +333,7 @@ impl<'a> Tracer<'a> {
                 // The bulb's light has been counted.
                 break;
             };
-            reach.met |= bounce == 0;
+            reach.hit |= bounce == 0;
             viewer = -ray.direction;
             surface = next;
         }

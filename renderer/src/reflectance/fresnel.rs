@@ -51,7 +51,7 @@ mod tests {
         ) {
             let value = reflectance(cos_i, ior);
             let found = cosines(value, ior);
-            // Where reflectance hardly changes, as about its minimum, its place is ill-conditioned.
+            // Where reflectance hardly changes, as about its minimum, its position is ill-conditioned.
             let slope = (reflectance(cos_i + 1e-6, ior) - reflectance(cos_i - 1e-6, ior)) / 2e-6;
             prop_assume!(slope.abs() > 1e-3);
             prop_assert!(found.iter().any(|c| (c - cos_i).abs() < 1e-9), "{:?}", found);

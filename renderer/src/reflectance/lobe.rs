@@ -22,7 +22,7 @@ pub struct Lobe {
 }
 
 impl Lobe {
-    /// The lobe of `roughness` (0 to 100) and `anisotropy` (0 to 1), its u axis turned
+    /// The lobe of `roughness` (0 to 100) and `anisotropy` (0 to 1), its u axis rotated
     /// counter-clockwise from +x by `angle_deg`. The printed exponents carry an erratum: n_v is
     /// (n_u^(-1/3) + A^3)^-3, which alone is isotropic at A = 0.
     pub fn new(roughness: f64, anisotropy: f64, angle_deg: f64) -> Self {

@@ -54,7 +54,7 @@ pub struct DirectionSample {
 }
 
 impl Reflectance {
-    /// The reflectance of `material`, its frame turned counter-clockwise by `rotation_deg`.
+    /// The reflectance of `material`, its frame rotated counter-clockwise by `rotation_deg`.
     pub fn new(material: &Material, rotation_deg: f64, tint: Tint) -> Self {
         let specular_share = if material.roughness > 90.0 {
             (100.0 - material.roughness) / 10.0

@@ -5,9 +5,9 @@ use crate::geometry::Rectangle;
 use crate::vector::Vec3;
 use dataset::specification::Checker;
 
-/// The chart's place and division.
+/// The plane of the chart: where it is, and how it is divided into patches.
 #[derive(Clone, Copy, Debug)]
-pub struct Panel {
+pub struct ChartPlane {
     /// Where a and b are 0: the lower left corner.
     pub corner: Vec3,
     /// Unit, along a: from -x to +x.
@@ -24,7 +24,7 @@ pub struct Panel {
     pub rows: u32,
 }
 
-impl Panel {
+impl ChartPlane {
     /// The index of the patch in a column and row, counted from the corner: patches are listed row by
     /// row, the far row first.
     #[inline(always)]
@@ -48,9 +48,9 @@ impl Panel {
         self.corner + self.x * a + self.y * b
     }
 
-    /// Where a direction from `from`, in front of the panel, meets its plane; `None` where it does
+    /// Where a direction from `from`, in front of the chart, meets its plane; `None` where it does
     /// not.
-    pub fn meet(&self, from: Vec3, direction: Vec3) -> Option<[f64; 2]> {
+    pub fn intersect(&self, from: Vec3, direction: Vec3) -> Option<[f64; 2]> {
         let offset = from - self.corner;
         let approach = -self.z.dot(direction);
         if approach <= 0.0 {
@@ -65,7 +65,7 @@ impl Panel {
 #[derive(Debug)]
 pub struct Chart {
     pub(super) frame: Frame,
-    panel: Panel,
+    plane: ChartPlane,
     /// Linear Rec.709, far row first.
     patches: Vec<[f64; 3]>,
 }
@@ -89,7 +89,7 @@ impl Chart {
             .collect();
         Self {
             frame,
-            panel: Panel {
+            plane: ChartPlane {
                 corner: Vec3::new(-0.5 * width, checker.lower_edge_y_m, 0.0),
                 x: frame.x,
                 y: frame.y,
@@ -104,14 +104,14 @@ impl Chart {
 
     /// The rectangle that rays meet.
     pub(super) fn rectangle(&self) -> Rectangle {
-        let Panel { corner, x, y, .. } = self.panel;
-        let [width, height] = self.panel.size();
+        let ChartPlane { corner, x, y, .. } = self.plane;
+        let [width, height] = self.plane.size();
         Rectangle::new(corner, x, y, width, height)
     }
 
-    /// Its place and division.
-    pub fn panel(&self) -> Panel {
-        self.panel
+    /// Its plane.
+    pub fn plane(&self) -> ChartPlane {
+        self.plane
     }
 
     /// The patches' reflectances, linear Rec.709, far row first, each row from -x to +x.
@@ -119,11 +119,11 @@ impl Chart {
         &self.patches
     }
 
-    /// The reflectance at (u, v) of the panel, v rising away from the sample.
+    /// The reflectance at (u, v) of the chart, v rising away from the sample.
     pub(super) fn colour(&self, u: f64, v: f64) -> [f64; 3] {
         let cell =
             |position: f64, count: u32| ((position * f64::from(count)) as u32).min(count - 1);
-        let Panel { columns, rows, .. } = self.panel;
-        self.patches[self.panel.patch(cell(u, columns), cell(v, rows))]
+        let ChartPlane { columns, rows, .. } = self.plane;
+        self.patches[self.plane.patch(cell(u, columns), cell(v, rows))]
     }
 }

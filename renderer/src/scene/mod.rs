@@ -7,7 +7,7 @@ mod frame;
 
 pub use bulb::Bulb;
 pub use camera::PinholeCamera;
-pub use chart::{Chart, Panel};
+pub use chart::{Chart, ChartPlane};
 pub use frame::Frame;
 
 use crate::geometry::{

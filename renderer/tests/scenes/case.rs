@@ -1,7 +1,7 @@
 //! A specification with one view, a material, and how to render the two again.
 
 use dataset::{Material, Specification};
-use renderer::{geometry::BackendChoice, hybrid::Stage, scene::Scene};
+use renderer::{geometry::BackendChoice, hybrid::PreparedView, scene::Scene};
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -38,7 +38,7 @@ impl Case {
         let scene = Scene::new(&self.specification, 0, BackendChoice::Native)
             .expect("a view")
             .expect("native geometry");
-        Stage::new(&scene, &self.specification).is_some()
+        PreparedView::new(&scene, &self.specification).is_some()
     }
 
     /// The same on a film with `factor` times the columns and rows.

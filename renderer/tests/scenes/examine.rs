@@ -170,13 +170,13 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
     }
     let compared: Vec<(Option<Finding>, bool)> = pixels
         .par_iter()
-        .map(|&place| {
-            let pixel = at(film, place);
+        .map(|&index| {
+            let pixel = at(film, index);
             let limit = limit(&case.specification, &pixel);
-            let suspect = outcome.findings.iter().any(|one| one.pixel == place);
+            let suspect = outcome.findings.iter().any(|one| one.pixel == index);
             compare(
                 &reference,
-                place,
+                index,
                 &pixel,
                 limit,
                 effort.samples_max,
@@ -186,8 +186,8 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         .collect();
     outcome.compared = pixels.len();
     for finding in &mut outcome.findings {
-        let place = pixels.iter().position(|place| *place == finding.pixel);
-        finding.note += match place.map(|place| &compared[place]) {
+        let order = pixels.iter().position(|index| *index == finding.pixel);
+        finding.note += match order.map(|order| &compared[order]) {
             Some((None, false)) => "; the reference agrees with this rendering, not the finer one",
             Some((None, true)) => "; the reference is too coarse to tell which is off",
             _ => "",
@@ -244,7 +244,7 @@ fn at(film: &Film, [column, row]: [u32; 2]) -> FilmPixel {
     film.pixels[(row * film.width + column) as usize]
 }
 
-fn places(film: &Film) -> impl Iterator<Item = [u32; 2]> + use<> {
+fn indices(film: &Film) -> impl Iterator<Item = [u32; 2]> + use<> {
     let (width, height) = (film.width, film.height);
     (0..height).flat_map(move |row| (0..width).map(move |column| [column, row]))
 }
@@ -282,14 +282,14 @@ fn finer(
     };
     let other = render(&specification, case)?.film;
     let mut worst: Option<Finding> = None;
-    for place in places(film) {
-        let pixel = at(film, place);
+    for index in indices(film) {
+        let pixel = at(film, index);
         let (mut expected, mut spread) = ([0.0; 3], 0.0);
         let share = 1.0 / f64::from(factor * factor);
         for row in 0..factor {
             for column in 0..factor {
                 let part = [column, row];
-                let part = at(&other, [0, 1].map(|axis| place[axis] * factor + part[axis]));
+                let part = at(&other, [0, 1].map(|axis| index[axis] * factor + part[axis]));
                 for (sum, value) in expected.iter_mut().zip(part.value) {
                     *sum += share * value;
                 }
@@ -304,7 +304,7 @@ fn finer(
         if excess > 1.0 && worst.as_ref().is_none_or(|worst| excess > worst.excess) {
             worst = Some(Finding {
                 kind,
-                pixel: place,
+                pixel: index,
                 found: pixel.value,
                 expected,
                 spread,
@@ -321,15 +321,15 @@ fn finer(
 /// The pixels to compare: all of a small film; of a larger one the brightest, those that see the
 /// bulb's mirror image, and some on outlines and anywhere.
 fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]> {
-    let all: Vec<[u32; 2]> = places(film).collect();
+    let all: Vec<[u32; 2]> = indices(film).collect();
     if all.len() <= most {
         return all;
     }
     let mut random = Random::of_variation(u64::from(film.width) << 16 | u64::from(film.height));
     let mut chosen: Vec<[u32; 2]> = Vec::new();
-    let take = |chosen: &mut Vec<[u32; 2]>, place: [u32; 2]| {
-        if !chosen.contains(&place) && chosen.len() < most {
-            chosen.push(place);
+    let take = |chosen: &mut Vec<[u32; 2]>, index: [u32; 2]| {
+        if !chosen.contains(&index) && chosen.len() < most {
+            chosen.push(index);
         }
     };
     let sees = |point: Vec3| {
@@ -342,15 +342,15 @@ fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]>
     let (camera, bulb) = (scene.camera.position, scene.bulb.centre);
     let mut mirrored = camera + (bulb - camera) * (camera.z / (camera.z + bulb.z));
     mirrored.z = 0.0;
-    if let Some(place) = sees(mirrored) {
-        take(&mut chosen, place);
+    if let Some(index) = sees(mirrored) {
+        take(&mut chosen, index);
     }
-    let brightness = |place: &[u32; 2]| at(film, *place).value.into_iter().fold(0.0, f64::max);
+    let brightness = |index: &[u32; 2]| at(film, *index).value.into_iter().fold(0.0, f64::max);
     let brightest = all
         .iter()
         .max_by(|a, b| brightness(a).total_cmp(&brightness(b)));
-    if let Some(&place) = brightest {
-        take(&mut chosen, place);
+    if let Some(&index) = brightest {
+        take(&mut chosen, index);
     }
     let half = 0.5 * case.specification.sample.side_m;
     let mut outlines = vec![[
@@ -360,10 +360,10 @@ fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]>
         Vec3::new(-half, half, 0.0),
     ]];
     if let Some(chart) = &scene.chart {
-        let panel = chart.panel();
-        let [width, height] = panel.size();
+        let plane = chart.plane();
+        let [width, height] = plane.size();
         let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
-        outlines.push(corners.map(|[a, b]| panel.point(a, b)));
+        outlines.push(corners.map(|[a, b]| plane.point(a, b)));
     }
     for _ in 0..4 * most {
         if 2 * chosen.len() >= most {
@@ -372,16 +372,16 @@ fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]>
         for corners in &outlines {
             let edge = (random.uniform(0.0, 4.0) as usize).min(3);
             let (from, to) = (corners[edge], corners[(edge + 1) % 4]);
-            if let Some(place) = sees(from + (to - from) * random.uniform(0.0, 1.0)) {
-                take(&mut chosen, place);
+            if let Some(index) = sees(from + (to - from) * random.uniform(0.0, 1.0)) {
+                take(&mut chosen, index);
             }
         }
     }
     for attempt in 0..8 * most {
-        let place = random.one_of(&all);
+        let index = random.one_of(&all);
         // Most of a film may be black: after some attempts anything will do.
-        if brightness(&place) > 0.0 || attempt > 4 * most {
-            take(&mut chosen, place);
+        if brightness(&index) > 0.0 || attempt > 4 * most {
+            take(&mut chosen, index);
         }
     }
     chosen
@@ -392,7 +392,7 @@ fn chosen(case: &Case, film: &Film, scene: &Scene, most: usize) -> Vec<[u32; 2]>
 /// coarser than the limit, which is put up with unless the pixel is `suspect`.
 fn compare(
     reference: &Reference,
-    place: [u32; 2],
+    index: [u32; 2],
     pixel: &FilmPixel,
     limit: f64,
     samples_max: u32,
@@ -401,13 +401,13 @@ fn compare(
     let mut samples = SAMPLES_MIN;
     let mut seen_before = false;
     loop {
-        let estimate = reference.pixel(place, samples, u64::from(samples));
+        let estimate = reference.pixel(index, samples, u64::from(samples));
         let (off, spread, expected) = worst_channel(pixel, &estimate, limit);
         let beyond = off > limit + SURE * spread;
         if beyond && (seen_before || samples >= samples_max) {
             let finding = Finding {
                 kind: Kind::Reference,
-                pixel: place,
+                pixel: index,
                 found: pixel.value,
                 expected,
                 spread,

@@ -59,15 +59,15 @@ impl Reference {
 
     /// Pixel (column, row) with so many samples in each replicate; `key` names the scrambles.
     pub fn pixel(&self, [column, row]: [u32; 2], samples: u32, key: u64) -> Estimate {
-        let place = [column, row].map(f64::from);
+        let pixel = [column, row].map(f64::from);
         let mut means = [[0.0; 3]; REPLICATES as usize];
         for (replicate, mean) in (0..).zip(&mut means) {
             // The film is at most 512 pixels wide.
             let sampler = Sampler::new(key, row << 12 | column, replicate);
             for index in 0..samples {
                 let parts = [
-                    self.scattered(place, &sampler, index),
-                    self.bulb_off_sample(place, &sampler, index),
+                    self.scattered(pixel, &sampler, index),
+                    self.bulb_off_sample(pixel, &sampler, index),
                 ];
                 for part in parts {
                     for (mean, channel) in mean.iter_mut().zip(part) {
@@ -117,20 +117,20 @@ impl Reference {
     }
 
     /// The bulb's light off the sample, by one sample of each of the three ways.
-    fn bulb_off_sample(&self, place: [f64; 2], sampler: &Sampler, index: u32) -> [f64; 3] {
+    fn bulb_off_sample(&self, pixel: [f64; 2], sampler: &Sampler, index: u32) -> [f64; 3] {
         let mut sum = [0.0; 3];
         let [x, y] = sampler.point(Dimension::Film, index);
-        if let Some(seen) = self.see([place[0] + x, place[1] + y]) {
+        if let Some(seen) = self.see([pixel[0] + x, pixel[1] + y]) {
             let (_, narrow) = self.cone(seen.position);
             let from_cone = self.cone_direction(
                 seen.position,
                 narrow,
                 sampler.point(Dimension::Light(0), index),
             );
-            self.add(&mut sum, place, seen, from_cone);
+            self.add(&mut sum, pixel, seen, from_cone);
             let point = sampler.point(Dimension::Scatter(0), index);
             if let Some(drawn) = self.reflectance.sample(seen.wo, point) {
-                self.add(&mut sum, place, seen, drawn.wi);
+                self.add(&mut sum, pixel, seen, drawn.wi);
             }
         }
         let on_bulb = sphere(sampler.point(Dimension::Light(1), index));
@@ -145,32 +145,32 @@ impl Reference {
                 .scene
                 .camera
                 .project(position)
-                .is_some_and(|film| (0..2).all(|i| (0.0..1.0).contains(&(film[i] - place[i]))));
+                .is_some_and(|film| (0..2).all(|i| (0.0..1.0).contains(&(film[i] - pixel[i]))));
             let wi = target - position;
             // The far side of the bulb is not seen.
             if inside && on_bulb.dot(wi) < 0.0 {
                 let wo = (self.scene.camera.position - position).normalized();
                 let seen = Seen { position, wo };
-                self.add(&mut sum, place, seen, wi.normalized());
+                self.add(&mut sum, pixel, seen, wi.normalized());
             }
         }
         sum
     }
 
     /// Adds what a film point and a direction contribute, over the sum of the three densities.
-    fn add(&self, sum: &mut [f64; 3], place: [f64; 2], seen: Seen, wi: Vec3) {
+    fn add(&self, sum: &mut [f64; 3], pixel: [f64; 2], seen: Seen, wi: Vec3) {
         let Seen { position, wo } = seen;
         if wi.z <= 0.0 || position.x.abs().max(position.y.abs()) > self.sample_half {
             return;
         }
-        let Some(distance) = self.meet_bulb(position, wi) else {
+        let Some(distance) = self.intersect_bulb(position, wi) else {
             return;
         };
         let (_, narrow) = self.cone(position);
         let cone = 1.0 / (2.0 * PI * narrow);
         let density = cone
             + self.reflectance.density(wi, wo)
-            + self.half_vector_density(place, seen, wi, distance);
+            + self.half_vector_density(pixel, seen, wi, distance);
         let scale = self.scene.bulb.radiance * wi.z / density;
         let value = self.reflectance.evaluate(wi, wo);
         for (sum, channel) in sum.iter_mut().zip(value) {
@@ -179,7 +179,7 @@ impl Reference {
     }
 
     /// The density of the third way, a pixel and steradian.
-    fn half_vector_density(&self, place: [f64; 2], seen: Seen, wi: Vec3, distance: f64) -> f64 {
+    fn half_vector_density(&self, pixel: [f64; 2], seen: Seen, wi: Vec3, distance: f64) -> f64 {
         let Seen { position, wo } = seen;
         let target = position + wi * distance;
         let half = wi + wo;
@@ -202,17 +202,17 @@ impl Reference {
         let per_position = determinant(derivatives).abs();
         let cos = half.z / half.length();
         let lobe = self.reflectance.lobe.density(half) * cos * cos * cos;
-        let density = lobe * per_position * per_steradian * self.position_per_film(position, place);
+        let density = lobe * per_position * per_steradian * self.position_per_film(position, pixel);
         if density.is_finite() { density } else { 0.0 }
     }
 
     /// The area of the sample's plane that a pixel's worth of film sees about `position`.
-    fn position_per_film(&self, position: Vec3, place: [f64; 2]) -> f64 {
+    fn position_per_film(&self, position: Vec3, pixel: [f64; 2]) -> f64 {
         let camera: &PinholeCamera = &self.scene.camera;
         let Some([column, row]) = camera.project(position) else {
             return 0.0;
         };
-        let [left, top] = place;
+        let [left, top] = pixel;
         let direction = camera.direction(column, row);
         let corner = camera.direction(left, top);
         let steps = [
@@ -314,7 +314,7 @@ impl Reference {
         )
     }
 
-    fn cone_direction(&self, position: Vec3, narrow: f64, [turn, height]: [f64; 2]) -> Vec3 {
+    fn cone_direction(&self, position: Vec3, narrow: f64, [azimuth, height]: [f64; 2]) -> Vec3 {
         let (axis, _) = self.cone(position);
         let across = if axis.x.abs() < 0.7 {
             Vec3::new(1.0, 0.0, 0.0)
@@ -325,12 +325,12 @@ impl Reference {
         let y = axis.cross(x);
         let low = narrow * height;
         let sin = (low * (2.0 - low)).sqrt();
-        let (sin_turn, cos_turn) = libm::sincos(2.0 * PI * turn);
-        x * (sin * cos_turn) + y * (sin * sin_turn) + axis * (1.0 - low)
+        let (sin_azimuth, cos_azimuth) = libm::sincos(2.0 * PI * azimuth);
+        x * (sin * cos_azimuth) + y * (sin * sin_azimuth) + axis * (1.0 - low)
     }
 
     /// How far the bulb is from a point outside it along a unit direction.
-    fn meet_bulb(&self, position: Vec3, wi: Vec3) -> Option<f64> {
+    fn intersect_bulb(&self, position: Vec3, wi: Vec3) -> Option<f64> {
         let bulb = &self.scene.bulb;
         let offset = bulb.centre - position;
         let along = offset.dot(wi);
@@ -341,10 +341,10 @@ impl Reference {
 }
 
 /// A direction, all alike.
-fn sphere([turn, height]: [f64; 2]) -> Vec3 {
+fn sphere([azimuth, height]: [f64; 2]) -> Vec3 {
     let z = 2.0 * height - 1.0;
     let radius = (1.0 - z * z).max(0.0).sqrt();
-    let (sin, cos) = libm::sincos(2.0 * PI * turn);
+    let (sin, cos) = libm::sincos(2.0 * PI * azimuth);
     Vec3::new(radius * cos, radius * sin, z)
 }
 

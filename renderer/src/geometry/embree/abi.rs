@@ -61,9 +61,9 @@ pub struct Ray {
     pub flags: c_uint,
 }
 
-/// The place of `far` among the fields of a packet.
+/// The index of `far` among the fields of a packet.
 pub const RAY_FIELD_FAR: usize = 8;
-/// The place of `id` among the fields of a packet.
+/// The index of `id` among the fields of a packet.
 pub const RAY_FIELD_ID: usize = 10;
 
 /// `RTCHit`

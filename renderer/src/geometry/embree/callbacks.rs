@@ -74,27 +74,27 @@ pub unsafe extern "C" fn intersect_callback(arguments: *const QueryFunctionArgum
     // SAFETY: Embree passes what the function asks for.
     unsafe {
         each_lane(arguments, |primitive, id, state| {
-            let met = primitive.meet(&state.ray, state.distance_max)?;
+            let found = primitive.intersect(&state.ray, state.distance_max)?;
             // The order in which Embree finds hits is its own affair: at the same distance the
             // lower id wins, as in the native loop.
             let nearer = match &state.hit {
                 None => true,
                 Some(hit) => {
-                    met.distance < hit.distance
-                        || (met.distance == hit.distance && id < hit.primitive)
+                    found.distance < hit.distance
+                        || (found.distance == hit.distance && id < hit.primitive)
                 }
             };
             if !nearer {
                 return None;
             }
-            state.distance_max = met.distance;
+            state.distance_max = found.distance;
             state.hit = Some(Hit {
-                distance: met.distance,
+                distance: found.distance,
                 primitive: id,
-                u: met.u,
-                v: met.v,
+                u: found.u,
+                v: found.v,
             });
-            Some(rounded_up(met.distance))
+            Some(rounded_up(found.distance))
         });
     }
 }
@@ -107,15 +107,15 @@ pub unsafe extern "C" fn occluded_callback(arguments: *const QueryFunctionArgume
             if id == state.target {
                 return None;
             }
-            let met = primitive.meet(&state.ray, state.distance_max)?;
-            if met.distance >= state.distance_max {
+            let found = primitive.intersect(&state.ray, state.distance_max)?;
+            if found.distance >= state.distance_max {
                 return None;
             }
             state.hit = Some(Hit {
-                distance: met.distance,
+                distance: found.distance,
                 primitive: id,
-                u: met.u,
-                v: met.v,
+                u: found.u,
+                v: found.v,
             });
             // How Embree is told that the ray is occluded.
             Some(f32::NEG_INFINITY)

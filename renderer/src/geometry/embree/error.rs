@@ -11,13 +11,13 @@ pub enum EmbreeError {
         /// What went wrong with it.
         reason: String,
     },
-    /// No place that is searched has a library that works.
+    /// No path that is searched holds a library that works.
     #[error(
         "no usable Embree library was found ({tried}): run deploy/fetch-embree.sh, or set \
          EMBREE_LIBRARY to the path of libembree4.so.4"
     )]
     Missing {
-        /// Each place, and what went wrong there.
+        /// Each path, and what went wrong there.
         tried: String,
     },
     /// The library loads but refuses to run here.

@@ -82,7 +82,7 @@ pub fn functions() -> Result<&'static Functions, EmbreeError> {
         .get_or_init(
             || match env::var_os("EMBREE_LIBRARY").filter(|path| !path.is_empty()) {
                 Some(path) => load_named(Path::new(&path)),
-                None => load_first(&places()),
+                None => load_first(&candidates()),
             },
         )
         .as_ref()
@@ -96,12 +96,12 @@ fn load_named(path: &Path) -> Result<Functions, EmbreeError> {
     })
 }
 
-fn load_first(places: &[PathBuf]) -> Result<Functions, EmbreeError> {
+fn load_first(candidates: &[PathBuf]) -> Result<Functions, EmbreeError> {
     let mut tried = Vec::new();
-    for place in places {
-        match load(place) {
+    for candidate in candidates {
+        match load(candidate) {
             Ok(functions) => return Ok(functions),
-            Err(reason) => tried.push(format!("{}: {reason}", place.display())),
+            Err(reason) => tried.push(format!("{}: {reason}", candidate.display())),
         }
     }
     Err(EmbreeError::Missing {
@@ -111,7 +111,7 @@ fn load_first(places: &[PathBuf]) -> Result<Functions, EmbreeError> {
 
 /// Where to look, in order: beside the program, in its installation, in the user's data, in the
 /// system.
-fn places() -> Vec<PathBuf> {
+fn candidates() -> Vec<PathBuf> {
     let program = env::current_exe().ok();
     let beside = program.as_deref().and_then(Path::parent);
     let installed = beside
@@ -211,16 +211,16 @@ mod tests {
 
     #[test]
     fn missing_library_is_one_sentence_with_every_place_and_the_remedy() {
-        let places = [
+        let candidates = [
             "/nonexistent/a/libembree4.so.4",
             "libembree4-nonexistent.so.4",
         ];
-        let Err(error) = load_first(&places.map(PathBuf::from)) else {
+        let Err(error) = load_first(&candidates.map(PathBuf::from)) else {
             panic!("there is no such library");
         };
         let sentence = error.to_string();
-        for place in places {
-            assert!(sentence.contains(place), "{sentence}");
+        for candidate in candidates {
+            assert!(sentence.contains(candidate), "{sentence}");
         }
         assert!(
             sentence.contains("run deploy/fetch-embree.sh"),

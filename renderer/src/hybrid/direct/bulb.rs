@@ -16,7 +16,7 @@ use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::{exp, log1p};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::slope_plane::Slopes;
 use crate::reflectance::{Reflectance, TintResponse, fresnel};
 use crate::vector::Vec3;
@@ -184,12 +184,12 @@ impl ScaledRadiance {
 }
 
 /// The specular light toward the viewer for a bulb of radiance 1, to the relative error that
-/// `fineness` names, and how many evaluations it took.
+/// `tolerance` names, and how many evaluations it took.
 pub fn specular(
     view: &BulbView,
     reflectance: &Reflectance,
     response: &TintResponse,
-    fineness: Fineness,
+    tolerance: Tolerance,
     instructions: Instructions,
     batch: &mut SlopeBatch,
 ) -> (ScaledRadiance, u32) {
@@ -201,7 +201,7 @@ pub fn specular(
     let mut cubature = Cubature {
         slopes,
         levels: [view.wo.z, first, second],
-        fineness,
+        tolerance,
         batch,
         log: 0.0,
     };
@@ -277,7 +277,7 @@ struct Cubature<'a> {
     slopes: Slopes<'a>,
     /// Cosines of the light's direction at which the integrand bends.
     levels: [f64; LEVELS],
-    fineness: Fineness,
+    tolerance: Tolerance,
     batch: &'a mut SlopeBatch,
     /// Minus the lobe's least exponent on the bulb: the batch's weights are for the integrand
     /// divided by exp(`log`).
@@ -316,7 +316,7 @@ impl Cubature<'_> {
             });
             above.contains(&true) && above.contains(&false)
         });
-        if radius.max(height) < SMALL && missed < self.fineness.error() && !bends {
+        if radius.max(height) < SMALL && missed < self.tolerance.error() && !bends {
             self.add_disc(disc);
             return;
         }
@@ -330,7 +330,7 @@ impl Cubature<'_> {
         let (least, p, q) = self.least_on_chord(disc, nearest);
         let flat = flatness(p, q);
         self.log = -least * flat;
-        let fall = self.fineness.fall();
+        let fall = self.tolerance.fall();
         let widened = (least * (flat / far - 1.0)).min(fall);
         let depth = Depth {
             nearest,
@@ -443,9 +443,9 @@ impl Cubature<'_> {
                 let [from, to] = ends.map(|end| end[branch]);
                 let across = (from - to).abs() * lobe.n_u.sqrt();
                 if across < STEEP_WIDTHS {
-                    for (place, p) in breaks.iter_mut().zip([from, to]) {
+                    for (angle, p) in breaks.iter_mut().zip([from, to]) {
                         let sine = ((p - disc.p) / disc.radius).clamp(-1.0, 1.0);
-                        *place = libm::asin(sine).clamp(low, high);
+                        *angle = libm::asin(sine).clamp(low, high);
                     }
                 }
             }
@@ -470,11 +470,11 @@ impl Cubature<'_> {
         };
         let falls = exponents.map(|exponent| (exponent - least).max(0.0));
         let closing = [low, high].map(|end| if end.abs() >= FRAC_PI_2 { 0.5 } else { 0.0 });
-        let more = MORE_POINTS + (closing[0] + closing[1]) * self.fineness.more_on_disc();
-        let fineness = self.fineness.after_fall(least - depth.least);
-        let points = fineness.points_for_fall(falls, more);
+        let more = MORE_POINTS + (closing[0] + closing[1]) * self.tolerance.more_on_disc();
+        let tolerance = self.tolerance.after_fall(least - depth.least);
+        let points = tolerance.points_for_fall(falls, more);
         // What bends are left show in the last digits: more points make up for it.
-        let points = if bends && self.fineness.error() < BENDS_SHOW {
+        let points = if bends && self.tolerance.error() < BENDS_SHOW {
             3 * points
         } else {
             points
@@ -543,8 +543,8 @@ impl Cubature<'_> {
         let near = 0f64.clamp(from, to);
         let begin = 0.5 * (lobe.n_u * p * p + lobe.n_v * near * near);
         let falls = [from, to].map(|end| 0.5 * lobe.n_v * (end - near).abs() * (end + near).abs());
-        let fineness = self.fineness.after_fall(begin - least);
-        let rule = GaussRule::of(fineness.points_for_fall(falls, MORE_POINTS));
+        let tolerance = self.tolerance.after_fall(begin - least);
+        let rule = GaussRule::of(tolerance.points_for_fall(falls, MORE_POINTS));
         let shift = -self.log;
         for (q, weight) in rule.on(from, to) {
             self.batch.push([p, q, scale * weight, shift]);

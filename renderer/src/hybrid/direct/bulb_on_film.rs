@@ -6,7 +6,7 @@ use crate::film::log_tiling::LogShade;
 use crate::film::tiling::Shade;
 use crate::hybrid::view::View;
 use crate::numerics::polygon::Rectangle;
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
@@ -34,9 +34,14 @@ pub struct BulbOffSample<'a> {
 impl Shade for BulbOffSample<'_> {
     type Scratch = SlopeBatch;
 
-    fn at(&self, scratch: &mut SlopeBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
-        let (position, wo) = self.view.sample_point(place);
-        let (light, spent) = self.light(position, wo, fineness, scratch);
+    fn at(
+        &self,
+        scratch: &mut SlopeBatch,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
+    ) -> ([f64; 3], u32) {
+        let (position, wo) = self.view.sample_point(film_point);
+        let (light, spent) = self.light(position, wo, tolerance, scratch);
         let scale = libm::exp(light.log);
         (light.tint.map(|channel| scale * channel), spent)
     }
@@ -48,11 +53,11 @@ impl LogShade for BulbOffSample<'_> {
     fn at(
         &self,
         scratch: &mut SlopeBatch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> (TintedLog, u32) {
-        let (position, wo) = self.view.sample_point(place);
-        self.light(position, wo, fineness, scratch)
+        let (position, wo) = self.view.sample_point(film_point);
+        self.light(position, wo, tolerance, scratch)
     }
 
     /// The lobe's integral over the bulb by the least exponent on it, for the whole rectangle.
@@ -133,7 +138,7 @@ impl BulbOffSample<'_> {
         &self,
         position: Vec3,
         wo: Vec3,
-        fineness: Fineness,
+        tolerance: Tolerance,
         batch: &mut SlopeBatch,
     ) -> (TintedLog, u32) {
         let reflectance = self.reflectance;
@@ -144,7 +149,14 @@ impl BulbOffSample<'_> {
         let (specular, spent) = if share > 0.0 {
             let response = reflectance.tint_response(wo.z);
             let instructions = self.view.instructions;
-            bulb::specular(&view, reflectance, &response, fineness, instructions, batch)
+            bulb::specular(
+                &view,
+                reflectance,
+                &response,
+                tolerance,
+                instructions,
+                batch,
+            )
         } else {
             (ScaledRadiance::NONE, 0)
         };
@@ -178,8 +190,8 @@ impl BulbOffSample<'_> {
         }
     }
 
-    fn bulb_box(&self, place: [f64; 2]) -> SlopeBox {
-        let (position, wo) = self.view.sample_point(place);
+    fn bulb_box(&self, film_point: [f64; 2]) -> SlopeBox {
+        let (position, wo) = self.view.sample_point(film_point);
         let view = self.bulb_view(position, wo);
         let [centre, half] = view.slopes();
         SlopeBox { centre, half }

@@ -8,7 +8,7 @@ use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
 use crate::film::log_tiling;
 use crate::film::tiling::{self, Demand, Region};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use bulb_on_film::BulbOffSample;
 
@@ -53,12 +53,12 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
     if let (true, true, Some(finer)) = (is_sharp, is_small, FinerView::new(view, feature)) {
         return finer.add_to(canvas, reflectance);
     }
-    let is_glossy = reflectance.lobe.n_u > ROUGH_EXPONENT && !is_sharp;
-    if is_glossy || is_small {
+    let is_rough = reflectance.lobe.n_u <= ROUGH_EXPONENT;
+    if (!is_rough && !is_sharp) || is_small {
         let demand = log_tiling::Demand {
             accuracy: &view.bulb_accuracy,
             evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
-            fineness: view.bulb_fineness,
+            tolerance: view.bulb_tolerance,
             instructions: view.instructions,
         };
         return log_tiling::integrate(canvas, &view.sample, &demand, &shade);
@@ -68,7 +68,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         faint: view.chart_accuracy.absolute,
         side_max: feature,
         evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
-        fineness: Fineness::new(LINEAR_RULE_SHARE * view.bulb_fineness.error()),
+        tolerance: Tolerance::new(LINEAR_RULE_SHARE * view.bulb_tolerance.error()),
         function_error: 0.0,
     };
     let regions = [Region {
@@ -113,9 +113,9 @@ impl FinerView {
         let evaluations = add(&self.view, &mut fine, reflectance);
         let share = 1.0 / f64::from(self.times * self.times);
         for (index, pixel) in (0..).zip(&pixels) {
-            let place = (index % width / self.times, index / width / self.times);
+            let index_on_coarse = (index % width / self.times, index / width / self.times);
             canvas.add(
-                place,
+                index_on_coarse,
                 pixel.value.map(|channel| share * channel),
                 share * pixel.error,
             );

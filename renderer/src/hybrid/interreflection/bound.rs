@@ -6,7 +6,7 @@
 
 use super::frame::Frame;
 use crate::reflectance::Reflectance;
-use crate::scene::Panel;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -125,7 +125,7 @@ impl Bounds {
         if reflectance.specular_share < 1.0 {
             return Self {
                 order_1: f64::INFINITY,
-                transfer: form_factor_max(&frame.panel.panel),
+                transfer: form_factor_max(&frame.chart.plane),
             };
         }
         Self {
@@ -137,8 +137,8 @@ impl Bounds {
 
 /// No point of the chart sees more of the sample than what lies below the horizon: as a share of
 /// its hemisphere, weighted by the cosine.
-pub fn form_factor_max(panel: &Panel) -> f64 {
-    0.5 * (1.0 - panel.z.z)
+pub fn form_factor_max(plane: &ChartPlane) -> f64 {
+    0.5 * (1.0 - plane.z.z)
 }
 
 fn sample_boxes(half: f64, count: usize) -> Vec<Bound3> {
@@ -189,7 +189,7 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
             most = most.max(specular * solid_angle);
         }
     }
-    most * view.bulb.radiance * form_factor_max(&frame.panel.panel)
+    most * view.bulb.radiance * form_factor_max(&frame.chart.plane)
 }
 
 fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
@@ -206,5 +206,5 @@ fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
     }
     // From the sample the chart fills at most a quarter of the sphere; and no more light leaves
     // the sample than arrives.
-    (most * PI).min(1.0) * form_factor_max(&frame.panel.panel)
+    (most * PI).min(1.0) * form_factor_max(&frame.chart.plane)
 }

@@ -5,10 +5,10 @@ use dataset::Material;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Interreflections that are kept: those of two materials in the preset's turns of the sample.
+/// Interreflections that are kept: those of two materials in the preset's rotations of the sample.
 const KEPT: usize = 10;
 
-/// The last interreflections by material, turn of the sample and elevation of the light.
+/// The last interreflections by material, rotation of the sample and elevation of the light.
 #[derive(Debug, Default)]
 pub struct InterreflectionCache {
     kept: Mutex<VecDeque<Kept>>,
@@ -23,8 +23,8 @@ struct Kept {
 
 impl InterreflectionCache {
     /// The interreflection of a material under these angles in degrees. Threads that ask at the same time
-    /// for one that is not there each work it out: to wait for another could wait for oneself, as a
-    /// thread of a pool takes up other work while its own is shared out.
+    /// for one that is not there each work it out. Waiting for the other could deadlock: rayon may
+    /// steal the very task that we wait for.
     pub fn get(
         &self,
         material: &Material,

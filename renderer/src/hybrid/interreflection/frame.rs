@@ -3,7 +3,7 @@
 use super::sample_rule::SampleFrame;
 use super::surface::Surface;
 use super::transfer::Receiver;
-use crate::hybrid::chart_on_film::PanelOnFilm;
+use crate::hybrid::chart_on_film::ChartOnFilm;
 use crate::hybrid::view::View;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
@@ -18,7 +18,7 @@ pub struct Frame<'a> {
     /// The view.
     pub view: &'a View,
     /// The chart.
-    pub panel: &'a PanelOnFilm,
+    pub chart: &'a ChartOnFilm,
     /// The scale of the tiles' logarithmic coordinate: the distance from sample to chart.
     pub gap: f64,
     /// The sample.
@@ -29,13 +29,13 @@ pub struct Frame<'a> {
 
 impl<'a> Frame<'a> {
     /// The frame of a view, its chart and a material.
-    pub fn new(view: &'a View, panel: &'a PanelOnFilm, reflectance: &Reflectance) -> Self {
+    pub fn new(view: &'a View, chart: &'a ChartOnFilm, reflectance: &Reflectance) -> Self {
         let half = view.sample_half;
         let sample = SampleFrame::new(half, &reflectance.lobe);
         Self {
             view,
-            panel,
-            gap: (panel.panel.corner.y - half).max(2.0 * SCALE_MIN * half),
+            chart,
+            gap: (chart.plane.corner.y - half).max(2.0 * SCALE_MIN * half),
             surface: Surface::new(reflectance, sample.u_axis),
             sample,
         }
@@ -43,8 +43,8 @@ impl<'a> Frame<'a> {
 
     /// All of the chart on the tiles.
     pub fn bounds(&self) -> Rectangle {
-        let [width, height] = self.panel.panel.size();
-        let [_, top] = self.place([0.0, height]);
+        let [width, height] = self.chart.plane.size();
+        let [_, top] = self.tile_position([0.0, height]);
         Rectangle {
             low: [0.0; 2],
             high: [width, top],
@@ -52,20 +52,20 @@ impl<'a> Frame<'a> {
     }
 
     /// The position on the tiles of (a, b).
-    pub fn place(&self, at: [f64; 2]) -> [f64; 2] {
-        place(at, self.gap)
+    pub fn tile_position(&self, at: [f64; 2]) -> [f64; 2] {
+        tile_position(at, self.gap)
     }
 
     /// The point of the world at a position on the tiles.
     pub fn point(&self, [a, s]: [f64; 2]) -> Vec3 {
-        self.panel.panel.point(a, self.gap * libm::expm1(s))
+        self.chart.plane.point(a, self.gap * libm::expm1(s))
     }
 
     /// The same as a receiver in the sample's frame.
     pub fn receiver(&self, at: [f64; 2]) -> Receiver {
         Receiver {
             position: self.sample.to_frame(self.point(at)),
-            normal: self.sample.to_frame(self.panel.panel.z),
+            normal: self.sample.to_frame(self.chart.plane.z),
         }
     }
 
@@ -80,7 +80,7 @@ impl<'a> Frame<'a> {
             [high[0], up(high[1])],
         ];
         let least = corners
-            .map(|at| self.view.bulb_on_chart(&self.panel.panel, at))
+            .map(|at| self.view.bulb_on_chart(&self.chart.plane, at))
             .into_iter()
             .fold(f64::INFINITY, f64::min);
         let accuracy = &self.view.chart_accuracy;
@@ -90,24 +90,24 @@ impl<'a> Frame<'a> {
     /// The largest irradiance over pi by the bulb itself: at most that of a surface which faces the
     /// bulb at the chart's nearest point.
     pub fn direct_max(&self) -> f64 {
-        let panel = &self.panel.panel;
-        let [width, height] = panel.size();
-        let offset = self.view.bulb.centre - panel.corner;
-        let a = offset.dot(panel.x).clamp(0.0, width);
-        let b = offset.dot(panel.y).clamp(0.0, height);
-        let distance2 = (self.view.bulb.centre - panel.point(a, b)).length_squared();
+        let plane = &self.chart.plane;
+        let [width, height] = plane.size();
+        let offset = self.view.bulb.centre - plane.corner;
+        let a = offset.dot(plane.x).clamp(0.0, width);
+        let b = offset.dot(plane.y).clamp(0.0, height);
+        let distance2 = (self.view.bulb.centre - plane.point(a, b)).length_squared();
         let radius = self.view.bulb.radius;
         self.view.bulb.radiance * (radius * radius / distance2).min(1.0)
     }
 
     /// The largest reflectance of a patch.
     pub fn reflectance_max(&self) -> f64 {
-        let channels = self.panel.patches.iter().flatten();
+        let channels = self.chart.patches.iter().flatten();
         channels.copied().fold(0.0, f64::max)
     }
 }
 
 /// The position on the tiles of (a, b).
-pub fn place([a, b]: [f64; 2], gap: f64) -> [f64; 2] {
+pub fn tile_position([a, b]: [f64; 2], gap: f64) -> [f64; 2] {
     [a, libm::log1p(b.max(0.0) / gap)]
 }

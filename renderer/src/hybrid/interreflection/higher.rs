@@ -5,7 +5,9 @@
 //! on the chart to order 2, order 1 to order 3, and any order to the second next.
 
 use super::frame::Frame;
-use super::levels::{EVALUATIONS_MAX, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, compared, fineness};
+use super::levels::{
+    EVALUATIONS_MAX, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, compared, rule_tolerance,
+};
 use super::sources::{ChartPoint, chart_points};
 use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
 use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
@@ -128,16 +130,16 @@ fn solve<const TERMS: usize>(
     let nodes: Vec<[f64; 2]> = basis.nodes(&frame.bounds()).collect();
     let points = Points::new(frame, level, order_1);
     let rows = rows(frame, &nodes, &points, level);
-    let places = compared(TERMS);
+    let indices = compared(TERMS);
     let finer_points = Points::new(frame, level + 1, order_1);
     let finer = self::rows(
         frame,
-        &places.map(|node| nodes[node]),
+        &indices.map(|node| nodes[node]),
         &finer_points,
         level + 1,
     );
     let mut missed = 0.0f64;
-    for (node, finer) in places.into_iter().zip(&finer) {
+    for (node, finer) in indices.into_iter().zip(&finer) {
         let rough = rows[node].apply(&points, |i| points.first(i));
         let better = finer.apply(&finer_points, |i| finer_points.first(i));
         missed = missed.max(largest_difference(rough, better));
@@ -192,7 +194,7 @@ fn series<const TERMS: usize>(
             .points
             .iter()
             .map(|point| {
-                tile.value(frame.place(point.at))
+                tile.value(frame.tile_position(point.at))
                     .map(|channel| channel.max(0.0))
             })
             .collect();
@@ -202,22 +204,22 @@ fn series<const TERMS: usize>(
 
 impl Points {
     fn new(frame: &Frame<'_>, level: usize, order_1: &impl Fn([f64; 2]) -> [f64; 3]) -> Self {
-        let panel = &frame.panel.panel;
+        let plane = &frame.chart.plane;
         let half = frame.view.sample_half;
         let (ratio, points) = CELLS[level];
-        let points = chart_points(panel, half, frame.gap, ratio, points);
+        let points = chart_points(plane, half, frame.gap, ratio, points);
         let positions = points.iter().map(|point| {
             let [a, b] = point.at;
-            let position = frame.sample.to_frame(panel.point(a, b));
+            let position = frame.sample.to_frame(plane.point(a, b));
             [position.x, position.y, position.z]
         });
         let weights = points.iter().map(|point| {
-            let colour = frame.panel.patches[point.patch];
+            let colour = frame.chart.patches[point.patch];
             colour.map(|channel| channel * point.area)
         });
         let direct = points
             .iter()
-            .map(|point| [frame.view.bulb_on_chart(&frame.panel.panel, point.at); 3]);
+            .map(|point| [frame.view.bulb_on_chart(&frame.chart.plane, point.at); 3]);
         Self {
             positions: positions.collect(),
             weights: weights.collect(),
@@ -264,7 +266,7 @@ fn row(
     scratch: &mut Scratch,
 ) -> Row {
     let receiver = frame.receiver(at);
-    let rule = frame.sample.rule(&receiver, None, fineness(level));
+    let rule = frame.sample.rule(&receiver, None, rule_tolerance(level));
     let Scratch { batch, sums } = scratch;
     let source = ChartPoints {
         normal: receiver.normal,

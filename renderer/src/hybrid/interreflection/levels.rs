@@ -1,6 +1,6 @@
 //! How fine the rules over the sample are, level by level, and what they cost at most.
 
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 
 /// Terms of the series for order 1, and for the higher orders.
 pub const ORDER_1_TERMS: usize = 8;
@@ -17,9 +17,9 @@ pub const DIGITS: [f64; 7] = [2.0, 2.7, 3.5, 4.5, 6.0, 8.0, 10.0];
 /// Evaluations of the reflectance for order 1, and for the higher ones: about a tenth of a second.
 pub const EVALUATIONS_MAX: u64 = 6_000_000;
 
-/// Decimal digits as an argument of [`Fineness`].
-pub fn fineness(level: usize) -> Fineness {
-    Fineness::new(libm::exp10(-DIGITS[level.min(DIGITS.len() - 1)]))
+/// The tolerance of a level's rules.
+pub fn rule_tolerance(level: usize) -> Tolerance {
+    Tolerance::new(libm::exp10(-DIGITS[level.min(DIGITS.len() - 1)]))
 }
 
 /// The levels of [`DIGITS`] that have a finer one to compare with.

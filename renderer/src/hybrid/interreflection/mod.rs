@@ -26,14 +26,14 @@ mod surface;
 mod transfer;
 mod unresolved;
 
-use super::chart_on_film::PanelOnFilm;
+use super::chart_on_film::ChartOnFilm;
 use super::view::View;
 use crate::numerics::channels::add_scaled;
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
 use bound::{Bounds, form_factor_max};
-use frame::{Frame, place};
+use frame::{Frame, tile_position};
 use higher::Higher;
 use levels::{HIGHER_TERMS, ORDER_1_TERMS};
 pub use unresolved::Unresolved;
@@ -66,10 +66,10 @@ impl Interreflection {
     /// the camera.
     pub(in crate::hybrid) fn new(
         view: &View,
-        panel: &PanelOnFilm,
+        chart: &ChartOnFilm,
         reflectance: &Reflectance,
     ) -> Result<Self, Unresolved> {
-        let frame = Frame::new(view, panel, reflectance);
+        let frame = Frame::new(view, chart, reflectance);
         let mut found = Self {
             order_1: Vec::new(),
             higher: None,
@@ -79,7 +79,7 @@ impl Interreflection {
             bounds: frame.bounds(),
             bounces_max: view.bounces_max,
         };
-        let form_factor = form_factor_max(&panel.panel);
+        let form_factor = form_factor_max(&chart.plane);
         if view.bounces_max < 2 || form_factor <= 0.0 {
             return Ok(found);
         }
@@ -107,7 +107,9 @@ impl Interreflection {
             return Ok(found);
         }
         let allowed = HIGHER_SHARE * tolerance;
-        let higher = Higher::solve(&frame, allowed, |at| found.order_1_at(frame.place(at)))?;
+        let higher = Higher::solve(&frame, allowed, |at| {
+            found.order_1_at(frame.tile_position(at))
+        })?;
         // An error of order 1 comes back in the orders above it.
         found.error = (found.error + higher.error) / (1.0 - reflected);
         found.evaluations += higher.evaluations;
@@ -136,7 +138,7 @@ impl Interreflection {
     }
 
     fn sum(&self, at: [f64; 2], bounces_max: u32, which: usize) -> [f64; 3] {
-        let at = place(at, self.gap);
+        let at = tile_position(at, self.gap);
         let mut sum = [0.0; 3];
         if bounces_max > 1 {
             sum = self.order_1_at(at);

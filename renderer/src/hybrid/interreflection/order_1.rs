@@ -1,7 +1,9 @@
 //! Order 1: from the bulb off the sample to the chart.
 
 use super::frame::Frame;
-use super::levels::{EVALUATIONS_MAX, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, compared, fineness};
+use super::levels::{
+    EVALUATIONS_MAX, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, compared, rule_tolerance,
+};
 use super::sources::disc;
 use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
 use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
@@ -153,7 +155,7 @@ fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
 fn first_tiles(frame: &Frame<'_>) -> Vec<Open> {
     let Rectangle { low, high } = frame.bounds();
     let half = frame.view.sample_half;
-    let side = |x: f64| (x - frame.panel.panel.corner.x).clamp(low[0], high[0]);
+    let side = |x: f64| (x - frame.chart.plane.corner.x).clamp(low[0], high[0]);
     let ends = [low[0], side(-half), side(half), high[0]];
     ends.windows(2)
         .filter(|pair| pair[1] - pair[0] > SLIVER * (high[0] - low[0]))
@@ -194,8 +196,8 @@ fn fit<const TERMS: usize>(
 ) -> Fitted<TERMS> {
     let allowed = share * frame.tolerance(&open.rectangle);
     let nodes: Vec<[f64; 2]> = basis.nodes(&open.rectangle).collect();
-    let places = compared(TERMS);
-    let compared_nodes = places.map(|node| nodes[node]);
+    let indices = compared(TERMS);
+    let compared_nodes = indices.map(|node| nodes[node]);
     let (mut level, mut evaluations) = (open.level, 0);
     loop {
         let coarse = values(frame, &nodes, disc, level);
@@ -211,7 +213,7 @@ fn fit<const TERMS: usize>(
         let here = spent(&coarse) + spent(&finer);
         evaluations += here;
         let mut missed = 0.0f64;
-        for (node, finer) in places.into_iter().zip(&finer) {
+        for (node, finer) in indices.into_iter().zip(&finer) {
             missed = missed.max(largest_difference(coarse[node].light, finer.light));
         }
         let split = may_split && fit.error > SERIES_FIRST * missed;
@@ -259,7 +261,9 @@ fn value(
 ) -> Value {
     let receiver = frame.receiver(at);
     let centre = frame.sample.to_frame(frame.view.bulb.centre);
-    let rule = frame.sample.rule(&receiver, Some(centre), fineness(level));
+    let rule = frame
+        .sample
+        .rule(&receiver, Some(centre), rule_tolerance(level));
     let Scratch { batch, sums } = scratch;
     batch.clear();
     for [v, weight, low, high] in &rule.lines {

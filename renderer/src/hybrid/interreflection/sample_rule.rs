@@ -7,12 +7,12 @@
 use super::transfer::{Along, Receiver};
 use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
 
 /// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
-const TURN_FROM: f64 = 10.0;
+const ROTATED_FROM: f64 = 10.0;
 
 /// Digits beyond those that count at which the tail of a narrow lobe is cut.
 const TAIL_DIGITS: f64 = 1.0;
@@ -83,14 +83,18 @@ impl SampleFrame {
     /// The frame for a lobe on a square of this half side.
     pub fn new(half: f64, lobe: &Lobe) -> Self {
         let isotropic = lobe.n_u <= lobe.n_v;
-        let turned = lobe.n_u > TURN_FROM && !isotropic;
+        let rotated = lobe.n_u > ROTATED_FROM && !isotropic;
         let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
         Self {
             half,
-            u_axis: if turned { [axis.x, axis.y] } else { [1.0, 0.0] },
-            aligned: turned || isotropic,
+            u_axis: if rotated {
+                [axis.x, axis.y]
+            } else {
+                [1.0, 0.0]
+            },
+            aligned: rotated || isotropic,
             n_u: lobe.n_u,
-            n_v: if turned { lobe.n_v } else { lobe.n_u },
+            n_v: if rotated { lobe.n_v } else { lobe.n_u },
         }
     }
 
@@ -121,7 +125,7 @@ impl SampleFrame {
         &self,
         receiver: &Receiver,
         source: Option<Vec3>,
-        fineness: Fineness,
+        tolerance: Tolerance,
     ) -> SampleRule {
         let ([cos, sin], half, c) = (self.u_axis, self.half, receiver.position);
         let (x, y) = (c.x * cos - c.y * sin, c.x * sin + c.y * cos);
@@ -137,7 +141,7 @@ impl SampleFrame {
             if to - from < SHORTEST {
                 continue;
             }
-            let points = self.points(self.n_v, from, to, fineness);
+            let points = self.points(self.n_v, from, to, tolerance);
             resolved &= points <= POINTS_MAX;
             for (s, weight) in GaussRule::of(points).on(from, to) {
                 let e = exp(s);
@@ -157,23 +161,23 @@ impl SampleFrame {
             }
         }
         let most = [longest, closest]
-            .map(|line| self.points_along(receiver, line, fineness))
+            .map(|line| self.points_along(receiver, line, tolerance))
             .into_iter()
             .fold(1, usize::max);
-        let within = fineness.points(fineness.reach_widths(TAIL_DIGITS), 1.0);
+        let within = tolerance.points(tolerance.reach_widths(TAIL_DIGITS), 1.0);
         let cut = self.aligned && within < most;
         SampleRule {
             lines,
             along: Along {
                 rule: GaussRule::of(if cut { within } else { most }),
-                reach: cut.then(|| 0.5 * fineness.reach_widths(TAIL_DIGITS)),
+                reach: cut.then(|| 0.5 * tolerance.reach_widths(TAIL_DIGITS)),
             },
             resolved: resolved && (cut || most <= POINTS_MAX),
         }
     }
 
     /// Points along a line: v, and its least and largest u.
-    fn points_along(&self, receiver: &Receiver, line: [f64; 3], fineness: Fineness) -> usize {
+    fn points_along(&self, receiver: &Receiver, line: [f64; 3], tolerance: Tolerance) -> usize {
         let ([v, low, high], c) = (line, receiver.position);
         if low >= high {
             return 1;
@@ -182,7 +186,7 @@ impl SampleFrame {
         let (off, across) = (c.x - nearest, c.y - v);
         let reach = (off * off + across * across + c.z * c.z).sqrt();
         let [first, last] = [low, high].map(|u| asinh((u - nearest) / reach));
-        self.points(self.n_u, first, last, fineness)
+        self.points(self.n_u, first, last, tolerance)
     }
 
     /// Where the outer rule is parted, as values of s: at the square's corners, and where the
@@ -197,7 +201,7 @@ impl SampleFrame {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
             .map(|(x, y)| [half * (x * cos + y * sin), half * (y * cos - x * sin)]);
         let mut ends: Vec<f64> = corners.iter().map(|&[_, v]| s_of(v)).collect();
-        if let (Some(source), true) = (source, self.aligned && self.n_u > TURN_FROM) {
+        if let (Some(source), true) = (source, self.aligned && self.n_u > ROTATED_FROM) {
             let h_u = |u: f64, v: f64| {
                 [receiver.position, source]
                     .map(|to| {
@@ -223,10 +227,10 @@ impl SampleFrame {
 
     /// Gauss points for an interval of a variable whose hyperbolic sine is the tangent of an angle,
     /// over which a lobe of exponent `n` varies.
-    fn points(&self, n: f64, from: f64, to: f64, fineness: Fineness) -> usize {
+    fn points(&self, n: f64, from: f64, to: f64, tolerance: Tolerance) -> usize {
         // atan(sinh s) is 2 atan(tanh(s / 2)): at most s, and at most a right angle.
         let angle = (to.min(QUARTER) - from.max(-QUARTER)).max(0.0);
         let widths = WIDTHS_PER_ANGLE * angle * n.sqrt();
-        fineness.points(widths, fineness.more_beside(to - from))
+        tolerance.points(widths, tolerance.more_beside(to - from))
     }
 }

@@ -1,7 +1,7 @@
 //! Point sources that stand for the bulb and for the chart.
 
 use crate::numerics::gauss::GaussRule;
-use crate::scene::Panel;
+use crate::scene::ChartPlane;
 use std::f64::consts::PI;
 
 /// The finest division of a patch: 2 to this power along either side.
@@ -37,7 +37,7 @@ pub struct ChartPoint {
 /// A cubature over the chart. Patches are halved until a cell's sides are at most `ratio` times its
 /// distance from the sample, a square of half side `half`; each cell has `points` by `points`.
 pub fn chart_points(
-    panel: &Panel,
+    plane: &ChartPlane,
     half: f64,
     gap: f64,
     ratio: f64,
@@ -45,15 +45,15 @@ pub fn chart_points(
 ) -> Vec<ChartPoint> {
     let mut found = Vec::new();
     let mut open = Vec::new();
-    for row in 0..panel.rows {
-        for column in 0..panel.columns {
-            let low = [column, row].map(|step| f64::from(step) * panel.pitch);
-            let patch = ((panel.rows - 1 - row) * panel.columns + column) as usize;
-            open.push((low, panel.pitch, patch, 0));
+    for row in 0..plane.rows {
+        for column in 0..plane.columns {
+            let low = [column, row].map(|step| f64::from(step) * plane.pitch);
+            let patch = plane.patch(column, row);
+            open.push((low, plane.pitch, patch, 0));
         }
     }
     while let Some(([a, b], side, patch, depth)) = open.pop() {
-        let (left, right) = (panel.corner.x + a, panel.corner.x + a + side);
+        let (left, right) = (plane.corner.x + a, plane.corner.x + a + side);
         let beside = (left - half).max(-half - right).max(0.0);
         let distance = libm::hypot(gap + b, beside);
         if side > ratio * distance && depth < DIVISIONS_MAX {

@@ -123,14 +123,14 @@ mod tests {
         #[test]
         fn the_surface_is_the_model(
             roughness in 20.0..100.0f64, anisotropy in 0.0..1.0f64, angle_deg in 0.0..180.0f64,
-            turn in 0.0..6.0f64, ior in 1.0..10.0f64,
+            rotation in 0.0..6.0f64, ior in 1.0..10.0f64,
             rgb0 in prop::array::uniform3(0.0..1.0f64), rgb90 in prop::array::uniform3(0.0..1.0f64),
             i in prop::array::uniform2(-2.0..2.0f64), o in prop::array::uniform2(-2.0..2.0f64),
         ) {
             let material = Material { roughness, anisotropy, angle_deg, ior, rgb0, rgb90 };
             let [wi, wo] = [i, o].map(|[x, y]| Vec3::new(x, y, 1.0).normalized());
-            let (sin, cos) = libm::sincos(turn);
-            let turned = |w: Vec3| Vec3::new(w.x * cos + w.y * sin, w.y * cos - w.x * sin, w.z);
+            let (sin, cos) = libm::sincos(rotation);
+            let rotated = |w: Vec3| Vec3::new(w.x * cos + w.y * sin, w.y * cos - w.x * sin, w.z);
             for kind in [Tint::Hue, Tint::Product] {
                 let reflectance = Reflectance::new(&material, 0.0, kind);
                 let surface = Surface::new(&reflectance, [cos, sin]);
@@ -138,7 +138,7 @@ mod tests {
                 let fresnel = crate::reflectance::fresnel::reflectance(wi.z, ior);
                 let tint = surface.tint(fresnel, wo.z);
                 for channel in 0..3 {
-                    let found = surface.specular(&turned(wi), &turned(wo)) * tint[channel]
+                    let found = surface.specular(&rotated(wi), &rotated(wo)) * tint[channel]
                         + surface.lambert[channel] * wi.z;
                     let off = (found - expected[channel] * wi.z).abs();
                     prop_assert!(off < 1e-11 * (1.0 + found), "{} {}", found, expected[channel]);

@@ -3,7 +3,7 @@
 use super::bound::Bounds;
 use super::frame::Frame;
 use crate::geometry::BackendChoice;
-use crate::hybrid::Stage;
+use crate::hybrid::PreparedView;
 use crate::numerics::channels::largest;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
@@ -36,9 +36,9 @@ fn specification(tilt_deg: f64, light_deg: f64, gap_m: f64, pitch_m: f64) -> Spe
 /// radiance of the chart, by midpoint rules.
 fn brute_force(frame: &Frame<'_>, reflectance: &Reflectance, at: [f64; 2]) -> [f64; 2] {
     let view = frame.view;
-    let normal = frame.panel.panel.z;
-    let [width, height] = frame.panel.panel.size();
-    let receiver = frame.panel.panel.point(at[0], at[1]);
+    let normal = frame.chart.plane.z;
+    let [width, height] = frame.chart.plane.size();
+    let receiver = frame.chart.plane.point(at[0], at[1]);
     let step = |index: usize| (index as f64 + 0.5) / TRIED as f64;
     let side = 2.0 * view.sample_half;
     let cell = side / TRIED as f64;
@@ -64,7 +64,7 @@ fn brute_force(frame: &Frame<'_>, reflectance: &Reflectance, at: [f64; 2]) -> [f
         order_1 += form * light * largest(reflectance.evaluate(wi, wo));
         for chart in 0..TRIED * TRIED {
             let at = [width * step(chart % TRIED), height * step(chart / TRIED)];
-            let offset = frame.panel.panel.point(at[0], at[1]) - from;
+            let offset = frame.chart.plane.point(at[0], at[1]) - from;
             let wi = offset.normalized();
             let angle = patch * (-normal.dot(wi)).max(0.0) / offset.length_squared();
             transfer += form * angle * wi.z * largest(reflectance.evaluate(wi, wo));
@@ -91,11 +91,11 @@ proptest! {
         let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
         let scene = Scene::new(&specification, 0, BackendChoice::Native)
             .expect("a view").expect("native geometry");
-        let Some(stage) = Stage::new(&scene, &specification) else { return Ok(()) };
-        let Some(panel) = stage.panel.as_ref() else { return Ok(()) };
-        let frame = Frame::new(&stage.view, panel, &reflectance);
+        let Some(prepared) = PreparedView::new(&scene, &specification) else { return Ok(()) };
+        let Some(chart) = prepared.chart.as_ref() else { return Ok(()) };
+        let frame = Frame::new(&prepared.view, chart, &reflectance);
         let bounds = Bounds::new(&frame, &reflectance);
-        let [width, height] = panel.panel.size();
+        let [width, height] = chart.plane.size();
         for (a, b) in [(0.1, 0.05), (0.5, 0.3), (0.5, 0.9), (0.9, 0.6)] {
             let [order_1, transfer] = brute_force(&frame, &reflectance, [a * width, b * height]);
             prop_assert!(order_1 <= bounds.order_1, "{} {:?}", order_1, bounds);

@@ -342,7 +342,7 @@ fn transfer<S: Sources>(
 fn add_node<S: Sources>(
     lines: &Lines<'_>,
     weight_v: &[f64; LANES],
-    (place, weight_t): (f64, f64),
+    (node, weight_t): (f64, f64),
     receiver: &Receiver,
     surface: &Surface,
     sources: &S,
@@ -356,7 +356,7 @@ fn add_node<S: Sources>(
     let mut u = [[0.0; LANES]; 2];
     for i in 0..LANES {
         let length = lines.high[i] - lines.low[i];
-        let (at, du) = lines.u(i, lines.low[i] + place * length);
+        let (at, du) = lines.u(i, lines.low[i] + node * length);
         u[0][i] = at;
         u[1][i] = weight_v[i] * weight_t * length * du;
     }

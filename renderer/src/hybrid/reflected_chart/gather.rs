@@ -1,8 +1,8 @@
 //! The directions in which a point of the sample sees the chart.
 //!
-//! In the plane across the panel's x axis, s is that for which sinh s is the way up the panel over
-//! the distance to it; in a plane through the x axis, ln t that for which sinh ln t is the way along
-//! the panel over that plane's distance to it. The solid angle is ds dt / (t cosh s cosh^2 ln t).
+//! In the plane across the chart's x axis, s = asinh(way up the chart / distance to it). In a plane
+//! through the x axis, ln t = asinh(way along the chart / distance to it in that plane). The solid
+//! angle is ds dt / (t cosh s cosh^2 ln t).
 //! Rows of patches are intervals of s, and columns, for each s, of t; and however close the sample
 //! comes to the chart, the integrand stays smooth. Intervals are parted where it bends, at three
 //! cosines of the light's direction.
@@ -13,8 +13,8 @@ use crate::numerics::batch::{Batch, FOUR};
 use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::kernel;
-use crate::numerics::tolerance::Fineness;
-use crate::scene::Panel;
+use crate::numerics::tolerance::Tolerance;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
 
@@ -31,7 +31,7 @@ const NOWHERE: f64 = f64::INFINITY;
 /// e^-3 to e^3 without e^0, about.
 const POWERS_OF_E: [f64; BENDS] = [0.05, 0.135, 0.37, 2.7, 7.4, 20.0];
 
-/// Far beyond any s that meets the panel.
+/// Far beyond any s that meets the chart.
 const EXP_MAX: f64 = 600.0;
 
 kernel! {
@@ -41,37 +41,37 @@ kernel! {
         position: Vec3,
         levels: [f64; 3],
         window: &Window,
-        fineness: Fineness,
+        tolerance: Tolerance,
         batch: &mut LightBatch,
     ) {
-        let panel = &chart.panel;
-        let offset = position - panel.corner;
-        // The distance to the panel's plane, and the b of the nearest point of it.
-        let (height, foot) = (panel.z.dot(offset), panel.y.dot(offset));
+        let plane = &chart.plane;
+        let offset = position - plane.corner;
+        // The distance to the chart's plane, and the b of the nearest point of it.
+        let (height, foot) = (plane.z.dot(offset), plane.y.dot(offset));
         let s_of = |b: f64| asinh((b - foot) / height);
-        // In the plane across x, light stands as high as a level at two angles from the panel's
+        // In the plane across x, light stands as high as a level at two angles from the chart's
         // normal: s is the inverse Gudermannian of these.
-        let bends = mirrored(levels.map(|level| {
+        let bends = both_signs(levels.map(|level| {
             if level < 1.0 {
                 0.5 * PI - libm::asin(level)
             } else {
                 NOWHERE
             }
         }))
-        .map(|off_zenith| s_at(panel, 0.5 * PI + off_zenith));
-        let [low, high] = [window.low[1], window.high[1]].map(|beta| s_at(panel, beta));
+        .map(|off_zenith| s_at(plane, 0.5 * PI + off_zenith));
+        let [low, high] = [window.low[1], window.high[1]].map(|beta| s_at(plane, beta));
         let mut next = s_of(0.0);
-        for row in 0..panel.rows {
+        for row in 0..plane.rows {
             let start = next;
-            next = s_of(f64::from(row + 1) * panel.pitch);
+            next = s_of(f64::from(row + 1) * plane.pitch);
             for [from, to] in parts(start.max(low), next.min(high), &bends) {
                 let angle = gudermann(to) - gudermann(from);
-                let more = fineness.more_beside(to - from);
-                let rule = GaussRule::of(fineness.points(angle / window.width[1], more));
+                let more = tolerance.more_beside(to - from);
+                let rule = GaussRule::of(tolerance.points(angle / window.width[1], more));
                 for (s, weight) in rule.on(from, to) {
-                    let line = Line::new(panel, row, [height, foot], s, &levels);
+                    let line = Line::new(plane, row, [height, foot], s, &levels);
                     let weight = weight * line.cos_gamma;
-                    gather_line(chart, position, &line, weight, window, fineness, batch);
+                    gather_line(chart, position, &line, weight, window, tolerance, batch);
                 }
             }
         }
@@ -86,18 +86,18 @@ fn gather_line(
     line: &Line,
     weight_s: f64,
     window: &Window,
-    fineness: Fineness,
+    tolerance: Tolerance,
     batch: &mut LightBatch,
 ) {
-    let panel = &chart.panel;
+    let plane = &chart.plane;
     // From the sample's point to the column's left edge.
-    let along = |column: u32| panel.corner.x - position.x + f64::from(column) * panel.pitch;
+    let along = |column: u32| plane.corner.x - position.x + f64::from(column) * plane.pitch;
     let per_reach = 1.0 / line.reach;
     let t_of = |along: f64| exp_asinh(along * per_reach);
     let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
-    let (half_reach, per_pitch) = (0.5 * line.reach / panel.pitch, 1.0 / panel.pitch);
+    let (half_reach, per_pitch) = (0.5 * line.reach / plane.pitch, 1.0 / plane.pitch);
     let mut next = t_of(along(0));
-    for column in 0..panel.columns {
+    for column in 0..plane.columns {
         let start = next;
         next = t_of(along(column + 1));
         let (from, to) = (start.max(low), next.min(high));
@@ -108,18 +108,18 @@ fn gather_line(
         let light = chart.light_across(patch, line.up);
         let along = along(column) * per_pitch;
         for [from, to] in parts(from, to, &line.bends) {
-            let more = fineness.more_beside((to - from) / (from * to).sqrt());
+            let more = tolerance.more_beside((to - from) / (from * to).sqrt());
             let widths = (sine(to) - sine(from)) / window.width[0];
-            let rule = GaussRule::of(fineness.points(widths, more));
+            let rule = GaussRule::of(tolerance.points(widths, more));
             for (t, weight_t, count) in rule.fours_on(from, to) {
                 let mut points = [[0.0; FOUR]; 6];
                 for i in 0..FOUR {
                     let t2 = t[i] * t[i];
                     let share = 1.0 / (1.0 + t2);
                     let cos = 2.0 * t[i] * share;
-                    let place = half_reach * (t[i] - 1.0 / t[i]) - along;
+                    let position = half_reach * (t[i] - 1.0 / t[i]) - along;
                     let weight = weight_s * weight_t[i] * 2.0 * cos * share;
-                    let [r, g, b] = parabola(&light, place).map(|light| weight * light);
+                    let [r, g, b] = parabola(&light, position).map(|light| weight * light);
                     let sin = (t2 - 1.0) * share;
                     let point = [sin, cos * line.cos, cos * line.sin, r, g, b];
                     for (column, value) in points.iter_mut().zip(point) {
@@ -138,9 +138,9 @@ struct Line {
     /// Of the angle from +y.
     sin: f64,
     cos: f64,
-    /// Of the angle to the panel's normal.
+    /// Of the angle to the chart's normal.
     cos_gamma: f64,
-    /// From the sample's point to the panel, across its x axis.
+    /// From the sample's point to the chart, across its x axis.
     reach: f64,
     /// Where on the patches, 0 to 1 up.
     up: f64,
@@ -150,12 +150,18 @@ struct Line {
 
 impl Line {
     #[inline(always)]
-    fn new(panel: &Panel, row: u32, [height, foot]: [f64; 2], s: f64, levels: &[f64; 3]) -> Self {
+    fn new(
+        plane: &ChartPlane,
+        row: u32,
+        [height, foot]: [f64; 2],
+        s: f64,
+        levels: &[f64; 3],
+    ) -> Self {
         let e = exp(s);
         let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
         let cos_gamma = 1.0 / cosh;
-        let across = panel.y * (sinh * cos_gamma) - panel.z * cos_gamma;
-        let up = (foot + height * sinh) / panel.pitch - f64::from(row);
+        let across = plane.y * (sinh * cos_gamma) - plane.z * cos_gamma;
+        let up = (foot + height * sinh) / plane.pitch - f64::from(row);
         Self {
             row,
             sin: across.z,
@@ -182,11 +188,11 @@ impl Line {
 }
 
 /// The s of a direction across the x axis of this angle from +y, 0 to pi; infinite for one that
-/// passes over the panel.
-fn s_at(panel: &Panel, beta: f64) -> f64 {
+/// passes over the chart.
+fn s_at(plane: &ChartPlane, beta: f64) -> f64 {
     let (sin, cos) = libm::sincos(beta);
-    let approach = -(panel.z.y * cos + panel.z.z * sin);
-    let up = panel.y.y * cos + panel.y.z * sin;
+    let approach = -(plane.z.y * cos + plane.z.z * sin);
+    let up = plane.y.y * cos + plane.y.z * sin;
     if approach > 0.0 {
         asinh(up / approach)
     } else {
@@ -221,7 +227,7 @@ fn t_at_sine(sine: f64) -> f64 {
 
 /// Bends on both sides of 0.
 #[inline(always)]
-fn mirrored([a, b, c]: [f64; 3]) -> [f64; BENDS] {
+fn both_signs([a, b, c]: [f64; 3]) -> [f64; BENDS] {
     [a, b, c, -a, -b, -c]
 }
 

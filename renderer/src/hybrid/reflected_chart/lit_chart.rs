@@ -1,13 +1,13 @@
 //! The colour chart and the light on it, told patch by patch by parabolas.
 
-use crate::hybrid::chart_on_film::PanelOnFilm;
-use crate::scene::Panel;
+use crate::hybrid::chart_on_film::ChartOnFilm;
+use crate::scene::ChartPlane;
 
-/// The panel with its patches and their light.
+/// The chart with its patches and their light.
 #[derive(Clone, Debug)]
 pub struct LitChart {
-    /// The panel.
-    pub panel: Panel,
+    /// The chart.
+    pub plane: ChartPlane,
     /// Reflectance times what `light` gives is a patch's radiance.
     pub patches: Vec<[f64; 3]>,
     /// Irradiance over pi, in units of white, at `LIGHT_NODES` by `LIGHT_NODES` equidistant points
@@ -38,7 +38,7 @@ impl LitChart {
     /// Into how many parts a patch's side has to be cut for the parabolas of [`LitChart::new`] to
     /// tell radiance to `allowed`, and what they then miss of it.
     pub fn parts(
-        chart: &PanelOnFilm,
+        chart: &ChartOnFilm,
         allowed: f64,
         irradiance: impl Fn([f64; 2]) -> [f64; 3],
     ) -> (u32, f64) {
@@ -55,23 +55,23 @@ impl LitChart {
 
     /// The chart under the light that `irradiance` (over pi) gives, each patch parted into `parts` by
     /// `parts`.
-    pub fn new(chart: &PanelOnFilm, parts: u32, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> Self {
-        let mut panel = chart.panel;
-        panel.pitch /= f64::from(parts);
-        panel.columns *= parts;
-        panel.rows *= parts;
-        let step = panel.pitch / (LIGHT_NODES - 1) as f64;
+    pub fn new(chart: &ChartOnFilm, parts: u32, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> Self {
+        let mut plane = chart.plane;
+        plane.pitch /= f64::from(parts);
+        plane.columns *= parts;
+        plane.rows *= parts;
+        let step = plane.pitch / (LIGHT_NODES - 1) as f64;
         let (mut patches, mut light) = (Vec::new(), Vec::new());
-        for index in 0..(panel.columns * panel.rows) as usize {
-            let [column, row] = panel.cell(index);
-            patches.push(chart.patches[chart.panel.patch(column / parts, row / parts)]);
-            let [a, b] = [column, row].map(|index| f64::from(index) * panel.pitch);
+        for index in 0..(plane.columns * plane.rows) as usize {
+            let [column, row] = plane.cell(index);
+            patches.push(chart.patches[chart.plane.patch(column / parts, row / parts)]);
+            let [a, b] = [column, row].map(|index| f64::from(index) * plane.pitch);
             light.push(std::array::from_fn(|j| {
                 std::array::from_fn(|i| irradiance([a + step * i as f64, b + step * j as f64]))
             }));
         }
         Self {
-            panel,
+            plane,
             patches,
             light,
         }
@@ -80,13 +80,13 @@ impl LitChart {
     /// A bound of what the parabolas miss, from where a cubic term shows most.
     fn missed(&self, irradiance: &impl Fn([f64; 2]) -> [f64; 3]) -> f64 {
         let mut missed = 0.0f64;
-        for row in 0..self.panel.rows {
-            for column in 0..self.panel.columns {
+        for row in 0..self.plane.rows {
+            for column in 0..self.plane.columns {
                 let patch = self.patch(column, row);
                 let colour = &self.patches[patch];
                 for [across, up] in PROBES {
                     let at = [f64::from(column) + across, f64::from(row) + up];
-                    let exact = irradiance(at.map(|at| at * self.panel.pitch));
+                    let exact = irradiance(at.map(|at| at * self.plane.pitch));
                     let found = patch_at(&self.light[patch], colour, [across, up]);
                     for channel in 0..3 {
                         let off = found[channel] - colour[channel] * exact[channel];
@@ -98,10 +98,10 @@ impl LitChart {
         MISSED_MARGIN * missed
     }
 
-    /// The number of the patch in a column and row, counted from the panel's corner.
+    /// The number of the patch in a column and row, counted from the chart's corner.
     #[inline(always)]
     pub fn patch(&self, column: u32, row: u32) -> usize {
-        self.panel.patch(column, row)
+        self.plane.patch(column, row)
     }
 
     /// A patch's radiance at a height of 0 to 1 of it, at `LIGHT_NODES` points across.
@@ -133,13 +133,13 @@ pub fn patch_across(light: &PatchLight, colour: &[f64; 3], up: f64) -> [[f64; 3]
     across
 }
 
-/// The radiance of a patch of reflectance `colour` at a place of 0 to 1 of it along both sides.
+/// The radiance of a patch of reflectance `colour` at a position of 0 to 1 along both of its sides.
 #[inline(always)]
 pub fn patch_at(light: &PatchLight, colour: &[f64; 3], [across, up]: [f64; 2]) -> [f64; 3] {
     parabola(&patch_across(light, colour, up), across)
 }
 
-/// At a place of 0 to 1 across a patch.
+/// The same at a position of 0 to 1 across a patch.
 #[inline(always)]
 pub fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
     let [a, b, c] = parabola_weights(along);

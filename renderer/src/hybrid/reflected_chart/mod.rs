@@ -4,33 +4,34 @@ pub mod anisotropic;
 mod gather;
 pub mod glossy;
 pub mod lit_chart;
-mod smooth;
+mod wide;
 mod window;
 
-use super::chart_on_film::PanelOnFilm;
+use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::{
-    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN,
-    GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_TILE, View,
+    ANISOTROPIC_EVALUATIONS_MIN, ANISOTROPIC_EVALUATIONS_PER_PIXEL, ANISOTROPIC_TILE,
+    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, View,
 };
 use crate::film::canvas::Canvas;
-use crate::film::tiling::{self, Demand, Region, Shade};
+use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
-use anisotropic::GlossyChart;
-use glossy::MirroredChart;
+use anisotropic::AnisotropicChart;
+use glossy::GlossyChart;
 use lit_chart::LitChart;
-use smooth::ChartOffSample;
+use wide::ChartOffWideLobe;
 
 /// The chart's reflection is at least so much of white where its relative target counts.
 const FAINT_CHART: f64 = 0.1;
 
-/// Adds the chart in the sample to the film; returns evaluations.
+/// Adds the chart in the sample to the film; returns evaluations. `key` names the image, for what is
+/// sampled.
 pub fn add(
     view: &View,
     canvas: &mut Canvas<'_>,
-    panel: &PanelOnFilm,
+    chart: &ChartOnFilm,
     interreflection: &Interreflection,
     reflectance: &Reflectance,
     key: u64,
@@ -39,67 +40,106 @@ pub fn add(
     // of it, and its part shows in `light_error`.
     let least = view.chart_accuracy.absolute;
     let allowed = least.max(view.chart_accuracy.relative * FAINT_CHART);
-    let (parts, missed) = LitChart::parts(panel, allowed, |at| {
-        [view.bulb_on_chart(&panel.panel, at); 3]
+    let (parts, missed) = LitChart::parts(chart, allowed, |at| {
+        [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
-        let direct = view.bulb_on_chart(&panel.panel, at);
+        let direct = view.bulb_on_chart(&chart.plane, at);
         interreflection
             .on_chart_for_sample(at)
             .map(|channel| channel + direct)
     };
-    let chart = LitChart::new(panel, parts, irradiance);
-    if !anisotropic::wanted(reflectance) && glossy::wanted(reflectance) {
+    let lit = LitChart::new(chart, parts, irradiance);
+    let is_anisotropic = anisotropic::is_highly_anisotropic(reflectance);
+    if !is_anisotropic && glossy::is_glossy(reflectance) {
         let chart_error = interreflection.error() + missed;
-        return add_mirrored(view, canvas, &chart, chart_error, reflectance, key);
+        return add_glossy(view, canvas, (&lit, chart_error), reflectance, key);
     }
-    let finer = LitChart::new(panel, 2 * parts, irradiance);
-    let [_, height] = panel.panel.size();
-    let distance = 0.5 * (panel.panel.corner.y.abs() + height);
-    let feature = view.feature_pixels(0.0, distance, reflectance);
-    let mut demand = Demand {
+    let finer = LitChart::new(chart, 2 * parts, irradiance);
+    let add = if is_anisotropic {
+        add_anisotropic
+    } else {
+        add_wide
+    };
+    // A sample reflects at most all of the light that it receives.
+    let error = interreflection.error();
+    add(view, canvas, [&lit, &finer], error, reflectance)
+}
+
+/// Adds the chart off a lobe that is neither glossy nor highly anisotropic; returns evaluations.
+fn add_wide(
+    view: &View,
+    canvas: &mut Canvas<'_>,
+    [chart, finer]: [&LitChart; 2],
+    function_error: f64,
+    reflectance: &Reflectance,
+) -> u64 {
+    let demand = Demand {
         accuracy: &view.chart_accuracy,
         faint: view.chart_accuracy.absolute,
-        // What is as fine as the blur of a patch's edge shows at a tile's nodes.
-        side_max: view.chart_tile * feature,
+        side_max: view.chart_tile * feature_pixels(view, chart, reflectance),
         evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
-        fineness: view.chart_fineness,
-        // A sample reflects at most all of the light that it receives.
-        function_error: interreflection.error(),
+        tolerance: view.chart_tolerance,
+        function_error,
     };
-    let regions = [Region {
-        outline: view.sample,
-        factor: [1.0; 3],
-    }];
-    if anisotropic::wanted(reflectance) {
-        demand.side_max = GLOSSY_TILE * feature;
-        demand.evaluations_max =
-            view.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN);
-        demand.fineness = view.glossy_fineness;
-        let glossy =
-            [&chart, &finer].map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
-        let shade = ChartOffGlossySample {
-            view,
-            glossy: &glossy[0],
-            finer: &glossy[1],
-        };
-        return tiling::integrate(canvas, &view.sample, &regions, &demand, &shade);
-    }
-    let shade = ChartOffSample {
+    let shade = ChartOffWideLobe {
+        view,
+        chart,
+        finer,
+        reflectance,
+    };
+    integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
+}
+
+/// Adds the chart off a highly anisotropic lobe; returns evaluations.
+fn add_anisotropic(
+    view: &View,
+    canvas: &mut Canvas<'_>,
+    charts: [&LitChart; 2],
+    function_error: f64,
+    reflectance: &Reflectance,
+) -> u64 {
+    let demand = Demand {
+        accuracy: &view.chart_accuracy,
+        faint: view.chart_accuracy.absolute,
+        side_max: ANISOTROPIC_TILE * feature_pixels(view, charts[0], reflectance),
+        evaluations_max: view.evaluations_max(
+            ANISOTROPIC_EVALUATIONS_PER_PIXEL,
+            ANISOTROPIC_EVALUATIONS_MIN,
+        ),
+        tolerance: view.anisotropic_tolerance,
+        function_error,
+    };
+    let [chart, finer] =
+        charts.map(|chart| AnisotropicChart::new(chart, reflectance, view.instructions));
+    let shade = ChartOffAnisotropicLobe {
         view,
         chart: &chart,
         finer: &finer,
-        reflectance,
     };
-    tiling::integrate(canvas, &view.sample, &regions, &demand, &shade)
+    integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
 
-/// The chart, known to `chart_error`, in a smooth sample; returns evaluations.
-fn add_mirrored(
+/// All of the sample.
+fn whole(view: &View) -> Region {
+    Region {
+        outline: view.sample,
+        factor: [1.0; 3],
+    }
+}
+
+/// The length in pixels of a tile at whose nodes the blurred edge of a patch shows.
+fn feature_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
+    let [_, height] = chart.plane.size();
+    let distance = 0.5 * (chart.plane.corner.y.abs() + height);
+    view.feature_pixels(0.0, distance, reflectance)
+}
+
+/// Adds the chart off a glossy lobe; returns evaluations.
+fn add_glossy(
     view: &View,
     canvas: &mut Canvas<'_>,
-    chart: &LitChart,
-    chart_error: f64,
+    (chart, chart_error): (&LitChart, f64),
     reflectance: &Reflectance,
     key: u64,
 ) -> u64 {
@@ -107,7 +147,7 @@ fn add_mirrored(
         return 0;
     };
     let bounds = bounds.rounded_out();
-    let mirrored = MirroredChart {
+    let glossy = GlossyChart {
         chart,
         reflectance,
         camera: &view.camera,
@@ -116,46 +156,46 @@ fn add_mirrored(
         key,
         instructions: view.instructions,
     };
-    let (pixels, evaluations) = mirrored.render(&bounds, |column, row| canvas.value((column, row)));
-    for (place, pixel) in bounds.pixels().zip(pixels) {
-        // A mirror passes on what its chart is off by, where it shows anything of it.
+    let (pixels, evaluations) = glossy.render(&bounds, |column, row| canvas.value((column, row)));
+    for (index, pixel) in bounds.pixels().zip(pixels) {
+        // A reflection inherits the error of the chart wherever it shows some of it.
         let shown = pixel.value.iter().any(|&channel| channel > 0.0);
         let inherited = if shown { chart_error } else { 0.0 };
-        canvas.add(place, pixel.value, pixel.error + inherited);
+        canvas.add(index, pixel.value, pixel.error + inherited);
     }
     evaluations
 }
 
-/// The chart in a sample of a narrow lobe.
-struct ChartOffGlossySample<'a> {
+/// The chart off a highly anisotropic lobe.
+struct ChartOffAnisotropicLobe<'a> {
     view: &'a View,
-    glossy: &'a GlossyChart<'a>,
+    chart: &'a AnisotropicChart<'a>,
     /// The same with the chart in smaller parts.
-    finer: &'a GlossyChart<'a>,
+    finer: &'a AnisotropicChart<'a>,
 }
 
-impl Shade for ChartOffGlossySample<'_> {
+impl Shade for ChartOffAnisotropicLobe<'_> {
     type Scratch = anisotropic::Scratch;
 
     fn at(
         &self,
         scratch: &mut anisotropic::Scratch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
-        let (position, wo) = self.view.sample_point(place);
-        self.glossy.reflected(position, wo, fineness, scratch)
+        let (position, wo) = self.view.sample_point(film_point);
+        self.chart.reflected(position, wo, tolerance, scratch)
     }
 
     fn light_error(
         &self,
         scratch: &mut anisotropic::Scratch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> (f64, u32) {
-        let (position, wo) = self.view.sample_point(place);
-        let [(coarse, first), (fine, second)] = [self.glossy, self.finer]
-            .map(|glossy| glossy.reflected(position, wo, fineness, scratch));
+        let (position, wo) = self.view.sample_point(film_point);
+        let [(coarse, first), (fine, second)] =
+            [self.chart, self.finer].map(|chart| chart.reflected(position, wo, tolerance, scratch));
         (largest_difference(coarse, fine), first + second)
     }
 }

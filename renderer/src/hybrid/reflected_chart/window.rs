@@ -1,9 +1,9 @@
 //! The directions that a lobe reaches.
 
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::reflectance::slope_plane::Slopes;
-use crate::scene::Panel;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
 
@@ -36,16 +36,16 @@ impl Window {
         position: Vec3,
         wo: Vec3,
         reflectance: &Reflectance,
-        panel: &Panel,
-        fineness: Fineness,
+        plane: &ChartPlane,
+        tolerance: Tolerance,
     ) -> Self {
-        debug_assert!(panel.x.x == 1.0 && position.z == 0.0);
+        debug_assert!(plane.x.x == 1.0 && position.z == 0.0);
         let lobe = &reflectance.lobe;
         let (reach_p, reach_q) = (
-            fineness.reach(lobe.n_u, TAIL_DIGITS),
-            fineness.reach(lobe.n_v, TAIL_DIGITS),
+            tolerance.reach(lobe.n_u, TAIL_DIGITS),
+            tolerance.reach(lobe.n_v, TAIL_DIGITS),
         );
-        // Beyond it, the directions are no box about the mirror direction any more.
+        // Beyond it, the directions are no box about the direction of perfect reflection any more.
         let wide = reflectance.specular_share < 1.0 || reach_p.max(reach_q) > WINDOW_REACH_MAX;
         // One width is about 1/sqrt(n) of a slope: twice that of an angle up and down, and sideways
         // less, the more so the lower the viewer stands.
@@ -73,15 +73,16 @@ impl Window {
             if wi.z < 0.0 {
                 (low[1], high[1]) = (0.0, PI);
             }
-            let place = [wi.x, libm::atan2(wi.z.max(0.0), wi.y)];
+            let position = [wi.x, libm::atan2(wi.z.max(0.0), wi.y)];
             for axis in 0..2 {
-                low[axis] = low[axis].min(place[axis]);
-                high[axis] = high[axis].max(place[axis]);
+                low[axis] = low[axis].min(position[axis]);
+                high[axis] = high[axis].max(position[axis]);
             }
         }
         for axis in 0..2 {
             let reach = high[axis] - low[axis];
-            window.width[axis] = window.width[axis].min(reach / fineness.reach_widths(TAIL_DIGITS));
+            window.width[axis] =
+                window.width[axis].min(reach / tolerance.reach_widths(TAIL_DIGITS));
             // Between the points of its boundary it may reach farther.
             window.low[axis] = window.low[axis].max(low[axis] - WINDOW_MARGIN * reach);
             window.high[axis] = window.high[axis].min(high[axis] + WINDOW_MARGIN * reach);

@@ -120,15 +120,15 @@ struct Block<'a> {
     per_width: Lanes,
     /// The p up to which a line is integrated, to either side.
     reach: Lanes,
-    /// The place on the chart in patches from its corner, times the depth; and the depth.
-    places: [Quadratics; 2],
+    /// The position on the chart in patches from its corner, times the depth; and the depth.
+    positions: [Quadratics; 2],
     depth: Quadratics,
 }
 
 impl<'a> Block<'a> {
     #[inline(always)]
     fn new(point: &Point<'_>, q: &'a Lanes) -> Self {
-        let n_u = point.glossy.reflectance.lobe.n_u;
+        let n_u = point.anisotropic.reflectance.lobe.n_u;
         let (mut per_width, mut reach) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
             // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
@@ -140,7 +140,7 @@ impl<'a> Block<'a> {
             q,
             per_width,
             reach,
-            places: [point.across.on_lines(q), point.up.on_lines(q)],
+            positions: [point.across.on_lines(q), point.up.on_lines(q)],
             depth: point.depth.on_lines(q),
         }
     }
@@ -165,7 +165,7 @@ impl<'a> Block<'a> {
         let mut spans = [[[0.0; LANES]; 2]; 2];
         for axis in 0..2 {
             let most = point.counts[axis];
-            let at = [0, 1, 2].map(|end| self.places[axis].values(&ends[end]));
+            let at = [0, 1, 2].map(|end| self.positions[axis].values(&ends[end]));
             for i in 0..LANES {
                 let [a, b, c] = [0, 1, 2].map(|end| at[end][i] / depths[end][i]);
                 let low = if a < b { a } else { b };
@@ -212,10 +212,10 @@ impl<'a> Block<'a> {
         cuts.clear();
         let mut counts = [0; LANES];
         for (axis, [first, last]) in lattice.into_iter().enumerate() {
-            let (place, other) = (&self.places[axis], &self.places[1 - axis]);
+            let (position, other) = (&self.positions[axis], &self.positions[1 - axis]);
             let most = point.counts[1 - axis];
             for edge in first..=last {
-                let edge = place.less(f64::from(edge), &self.depth);
+                let edge = position.less(f64::from(edge), &self.depth);
                 if !edge.may_vanish(&self.reach) {
                     continue;
                 }
@@ -308,28 +308,28 @@ impl<'a> Block<'a> {
             middle[i] = 0.5 * (from[i] + to[i]);
         }
         let depth = self.depth.values(&middle);
-        let mut places = [0, 1].map(|axis| self.places[axis].values(&middle));
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(&middle));
         let mut on_chart = [false; LANES];
         let [columns, rows] = point.counts;
         for i in 0..LANES {
             let per_depth = 1.0 / depth[i];
-            let [across, up] = [places[0][i] * per_depth, places[1][i] * per_depth];
+            let [across, up] = [positions[0][i] * per_depth, positions[1][i] * per_depth];
             on_chart[i] = (depth[i] > 0.0)
                 & (from[i] < to[i])
                 & (across >= 0.0)
                 & (across < columns)
                 & (up >= 0.0)
                 & (up < rows);
-            places[0][i] = if on_chart[i] { across } else { 0.0 };
-            places[1][i] = if on_chart[i] { up } else { 0.0 };
+            positions[0][i] = if on_chart[i] { across } else { 0.0 };
+            positions[1][i] = if on_chart[i] { up } else { 0.0 };
         }
         if on_chart == [false; LANES] {
             return;
         }
-        let patches = patches(&places, point.counts);
+        let patches = patches(&positions, point.counts);
         let mut colours = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            let colour = &point.glossy.chart.patches[patches[i]];
+            let colour = &point.anisotropic.chart.patches[patches[i]];
             for channel in 0..3 {
                 colours[channel][i] = if on_chart[i] { colour[channel] } else { 0.0 };
             }
@@ -341,7 +341,11 @@ impl<'a> Block<'a> {
             seen.span[1][i] = if on_chart[i] { to[i] } else { last };
             for axis in 0..2 {
                 let before = seen.middle[axis][i];
-                seen.middle[axis][i] = if on_chart[i] { places[axis][i] } else { before };
+                seen.middle[axis][i] = if on_chart[i] {
+                    positions[axis][i]
+                } else {
+                    before
+                };
             }
         }
         let low = self.is_low(point, &middle, &on_chart);
@@ -417,7 +421,7 @@ impl<'a> Block<'a> {
     ) {
         let [middle, unit] = self.frame(order, seen);
         seen.move_to(&middle, &unit);
-        let (lobe, wo) = (&point.glossy.reflectance.lobe, point.wo);
+        let (lobe, wo) = (&point.anisotropic.reflectance.lobe, point.wo);
         let per_viewer = 1.0 / wo.z;
         let (ior, knee) = (point.branches.ior, point.branches.knee);
         for k in 0..N {
@@ -466,26 +470,26 @@ impl<'a> Block<'a> {
     }
 
     /// The light on the chart where it is seen at a p of each line. It is a smooth function of the
-    /// place, told beyond the chart's edges by the parabolas of the outer patches.
+    /// position, told beyond the chart's edges by the parabolas of the outer patches.
     #[inline(always)]
     fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
         let depth = self.depth.values(p);
-        let mut places = [0, 1].map(|axis| self.places[axis].values(p));
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(p));
         for axis in 0..2 {
             for i in 0..LANES {
-                let at = places[axis][i] / depth[i];
-                places[axis][i] = if depth[i] > 0.0 {
+                let at = positions[axis][i] / depth[i];
+                positions[axis][i] = if depth[i] > 0.0 {
                     at
                 } else {
                     seen.middle[axis][i]
                 };
             }
         }
-        let patches = patches(&places, point.counts);
+        let patches = patches(&positions, point.counts);
         let mut weights = [[[0.0; LANES]; 3]; 2];
         for axis in 0..2 {
             for i in 0..LANES {
-                let within = places[axis][i] - cell(places[axis][i], point.counts[axis]);
+                let within = positions[axis][i] - cell(positions[axis][i], point.counts[axis]);
                 let within = if within > -1.0 { within } else { -1.0 };
                 let within = if within < 2.0 { within } else { 2.0 };
                 let [a, b, c] = parabola_weights(within);
@@ -497,7 +501,7 @@ impl<'a> Block<'a> {
         // Four channels of a line are a vector.
         let mut by_line = [[0.0; LIGHT_CHANNELS]; LANES];
         for i in 0..LANES {
-            let patch = &point.glossy.light[patches[i]];
+            let patch = &point.anisotropic.light[patches[i]];
             let [a, b, c] = [weights[0][0][i], weights[0][1][i], weights[0][2][i]];
             let mut sum = [0.0; LIGHT_CHANNELS];
             for (up, [left, middle, right]) in patch.iter().enumerate() {
@@ -587,16 +591,16 @@ impl<const N: usize> Seen<N> {
 /// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0;
 
-/// The column or row of a place, of so many; on an edge it is either neighbour's.
+/// The column or row of a position, of so many; on an edge it is either neighbour's.
 #[inline(always)]
-fn cell(place: f64, count: f64) -> f64 {
-    let place = if place > 0.5 { place } else { 0.5 };
-    let place = if place < count - 0.5 {
-        place
+fn cell(position: f64, count: f64) -> f64 {
+    let position = if position > 0.5 { position } else { 0.5 };
+    let position = if position < count - 0.5 {
+        position
     } else {
         count - 0.5
     };
-    let rounded = (place - 0.5 + ROUND) - ROUND;
+    let rounded = (position - 0.5 + ROUND) - ROUND;
     // A half is rounded to even.
     if rounded < count - 1.0 {
         rounded
@@ -605,13 +609,13 @@ fn cell(place: f64, count: f64) -> f64 {
     }
 }
 
-/// The numbers of the patches at places, in patches from the chart's corner.
+/// The numbers of the patches at positions, in patches from the chart's corner.
 #[inline(always)]
-fn patches(places: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LANES] {
+fn patches(positions: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LANES] {
     let mut bits = [0; LANES];
     for i in 0..LANES {
-        let column = cell(places[0][i], columns);
-        let row = cell(places[1][i], rows);
+        let column = cell(positions[0][i], columns);
+        let row = cell(positions[1][i], rows);
         bits[i] = ((rows - 1.0 - row) * columns + column + ROUND).to_bits();
     }
     bits.map(|bits| (bits - ROUND.to_bits()) as usize)

@@ -122,14 +122,14 @@ pub fn up_to<const N: usize>(table: &Table, z: &[f64; LANES]) -> Moments<N> {
     const LAST: f64 = (ENTRIES - 1) as f64;
     let (mut nearest, mut off, mut index) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
     for i in 0..LANES {
-        let place = (z[i] + TABLE_END) * TABLE_STEPS;
-        let place = if place > 0.0 { place } else { 0.0 };
-        let place = if place < LAST { place } else { LAST };
-        let shifted = place + ROUND;
+        let position = (z[i] + TABLE_END) * TABLE_STEPS;
+        let position = if position > 0.0 { position } else { 0.0 };
+        let position = if position < LAST { position } else { LAST };
+        let shifted = position + ROUND;
         let rounded = shifted - ROUND;
         index[i] = shifted.to_bits();
         nearest[i] = rounded * (1.0 / TABLE_STEPS) - TABLE_END;
-        off[i] = (place - rounded) * (1.0 / TABLE_STEPS);
+        off[i] = (position - rounded) * (1.0 / TABLE_STEPS);
     }
     let (mut mass, mut density) = ([0.0; LANES], [0.0; LANES]);
     for i in 0..LANES {

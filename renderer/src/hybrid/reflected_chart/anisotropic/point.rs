@@ -5,7 +5,7 @@ use super::conic::Conic;
 use super::moments::Order;
 use crate::hybrid::reflected_chart::lit_chart::{LIGHT_NODES, LitChart};
 use crate::numerics::instructions::Instructions;
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 
@@ -19,11 +19,11 @@ const PARABOLA_EXPONENT: f64 = 3e4;
 const CORNERS_MAX: usize = 256;
 
 /// The chart off a narrow lobe.
-pub struct GlossyChart<'a> {
+pub struct AnisotropicChart<'a> {
     pub(super) chart: &'a LitChart,
     pub(super) reflectance: &'a Reflectance,
     pub(super) instructions: Instructions,
-    /// The panel's corner and axes in the lobe's frame, these over the pitch of its patches.
+    /// The chart's corner and axes in the lobe's frame, these over the pitch of its patches.
     pub(super) corner: Vec3,
     pub(super) axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
@@ -35,20 +35,20 @@ pub struct GlossyChart<'a> {
 /// Three channels and one that is 0.
 pub const LIGHT_CHANNELS: usize = 4;
 
-impl<'a> GlossyChart<'a> {
+impl<'a> AnisotropicChart<'a> {
     /// Of a chart and a material.
     pub fn new(
         chart: &'a LitChart,
         reflectance: &'a Reflectance,
         instructions: Instructions,
     ) -> Self {
-        let (panel, lobe) = (&chart.panel, &reflectance.lobe);
-        let per_pitch = 1.0 / panel.pitch;
-        let [columns, rows] = [panel.columns, panel.rows].map(|count| count + 1);
+        let (plane, lobe) = (&chart.plane, &reflectance.lobe);
+        let per_pitch = 1.0 / plane.pitch;
+        let [columns, rows] = [plane.columns, plane.rows].map(|count| count + 1);
         let corners = if (columns * rows) as usize <= CORNERS_MAX {
             (0..rows)
                 .flat_map(|row| (0..columns).map(move |column| [column, row].map(f64::from)))
-                .map(|[a, b]| lobe.to_lobe(panel.point(a * panel.pitch, b * panel.pitch)))
+                .map(|[a, b]| lobe.to_lobe(plane.point(a * plane.pitch, b * plane.pitch)))
                 .collect()
         } else {
             Vec::new()
@@ -57,8 +57,8 @@ impl<'a> GlossyChart<'a> {
             chart,
             reflectance,
             instructions,
-            corner: lobe.to_lobe(panel.corner),
-            axes: [panel.x, panel.y, panel.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
+            corner: lobe.to_lobe(plane.corner),
+            axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
             light: chart
                 .light
@@ -71,17 +71,17 @@ impl<'a> GlossyChart<'a> {
 
 /// A point of the sample, a viewer, and how fine to be.
 pub struct Point<'a> {
-    pub(super) glossy: &'a GlossyChart<'a>,
+    pub(super) anisotropic: &'a AnisotropicChart<'a>,
     /// In the lobe's frame.
     pub(super) wo: Vec3,
     pub(super) position: Vec3,
-    /// The place on the chart in patches from its corner, times `depth`, and the depth itself:
+    /// The position on the chart in patches from its corner, times `depth`, and the depth itself:
     /// positive where the direction meets the front.
     pub(super) across: Conic,
     pub(super) up: Conic,
     pub(super) depth: Conic,
     pub(super) branches: Branches,
-    pub(super) fineness: Fineness,
+    pub(super) tolerance: Tolerance,
     /// Half the lobe's reach along p, in widths.
     pub(super) reach: f64,
     /// Columns and rows of patches.
@@ -91,19 +91,19 @@ pub struct Point<'a> {
 
 impl<'a> Point<'a> {
     pub fn new(
-        glossy: &'a GlossyChart<'a>,
+        anisotropic: &'a AnisotropicChart<'a>,
         position: Vec3,
         wo: Vec3,
         knee: f64,
-        fineness: Fineness,
+        tolerance: Tolerance,
     ) -> Self {
-        let reflectance = glossy.reflectance;
+        let reflectance = anisotropic.reflectance;
         let lobe = &reflectance.lobe;
         let (wo, position) = (lobe.to_lobe(wo), lobe.to_lobe(position));
-        let [x, y, z] = glossy.axes;
-        let offset = position - glossy.corner;
-        // Patches from the panel's plane. A direction w meets it at offset + w height / -(z.w).
-        let pitch = glossy.chart.panel.pitch;
+        let [x, y, z] = anisotropic.axes;
+        let offset = position - anisotropic.corner;
+        // Patches from the chart's plane. A direction w meets it at offset + w height / -(z.w).
+        let pitch = anisotropic.chart.plane.pitch;
         let height = pitch * z.dot(offset);
         let unit_z = z * pitch;
         let order = if lobe.n_u > PARABOLA_EXPONENT {
@@ -112,17 +112,21 @@ impl<'a> Point<'a> {
             Order::Five
         };
         Self {
-            glossy,
+            anisotropic,
             wo,
             position,
             across: Conic::of(x * height - unit_z * x.dot(offset), wo),
             up: Conic::of(y * height - unit_z * y.dot(offset), wo),
             depth: Conic::of(-unit_z, wo),
             branches: Branches::new(wo, knee, reflectance.ior),
-            fineness,
-            reach: 0.5 * fineness.reach_widths(TAIL_DIGITS),
-            counts: [glossy.chart.panel.columns, glossy.chart.panel.rows].map(f64::from),
-            order: if fineness.is_check() {
+            tolerance,
+            reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+            counts: [
+                anisotropic.chart.plane.columns,
+                anisotropic.chart.plane.rows,
+            ]
+            .map(f64::from),
+            order: if tolerance.is_check() {
                 order.finer()
             } else {
                 order

@@ -5,7 +5,7 @@ use super::conic::Conic;
 use super::line::{Cuts, Lines};
 use super::point::{Point, TAIL_DIGITS};
 use crate::numerics::gauss::GaussRule;
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 
 /// Widths from the middle of an edge's passage through the lobe at which it is over.
 const PASSAGE: f64 = 3.5;
@@ -54,8 +54,8 @@ struct Piece {
 }
 
 impl Piece {
-    fn points(&self, fineness: Fineness) -> usize {
-        fineness.points((self.to - self.from) * self.rate, 0.0)
+    fn points(&self, tolerance: Tolerance) -> usize {
+        tolerance.points((self.to - self.from) * self.rate, 0.0)
     }
 
     /// The piece that covers both.
@@ -67,8 +67,8 @@ impl Piece {
         }
     }
 
-    fn is_cheaper_with(&self, next: &Self, fineness: Fineness) -> bool {
-        self.with(next).points(fineness) <= self.points(fineness) + next.points(fineness)
+    fn is_cheaper_with(&self, next: &Self, tolerance: Tolerance) -> bool {
+        self.with(next).points(tolerance) <= self.points(tolerance) + next.points(tolerance)
     }
 }
 
@@ -96,7 +96,7 @@ impl Point<'_> {
                 rate: self.rate(0.5 * (from + to), &passages),
             };
             piece = match piece {
-                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self.fineness) => {
+                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self.tolerance) => {
                     Some(piece.with(&next))
                 }
                 Some(done) => {
@@ -114,7 +114,7 @@ impl Point<'_> {
 
     /// Adds the lines of a piece of the wide axis.
     fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
-        let rule = GaussRule::of(piece.points(self.fineness));
+        let rule = GaussRule::of(piece.points(self.tolerance));
         // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
         for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
             let per = 1.0 / (1.0 - x * x);
@@ -125,7 +125,7 @@ impl Point<'_> {
 
     /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
     fn rate(&self, q: f64, passages: &[Passage]) -> f64 {
-        let per_width = self.glossy.reflectance.lobe.n_v.sqrt();
+        let per_width = self.anisotropic.reflectance.lobe.n_v.sqrt();
         let covering = passages
             .iter()
             .filter(|passage| (q - passage.middle).abs() * passage.rate < PASSAGE);
@@ -135,8 +135,8 @@ impl Point<'_> {
     /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
     /// horizon beyond.
     fn extent(&self) -> [f64; 2] {
-        let lobe = &self.glossy.reflectance.lobe;
-        let reach = self.fineness.reach(lobe.n_v, TAIL_DIGITS);
+        let lobe = &self.anisotropic.reflectance.lobe;
+        let reach = self.tolerance.reach(lobe.n_v, TAIL_DIGITS);
         let horizon = Conic::level(0.0, self.wo);
         let widest = self.reach / lobe.n_u.sqrt();
         let (mut low, mut high) = (0.0f64, 0.0f64);
@@ -162,10 +162,10 @@ impl Point<'_> {
     ) {
         passages.clear();
         ends.clear();
-        let panel = &self.glossy.chart.panel;
-        let lobe = &self.glossy.reflectance.lobe;
+        let plane = &self.anisotropic.chart.plane;
+        let lobe = &self.anisotropic.reflectance.lobe;
         let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / lobe.n_v.sqrt());
-        let counts = [panel.columns, panel.rows];
+        let counts = [plane.columns, plane.rows];
         let along = [&self.across, &self.up];
         for axis in 0..2 {
             for line in 0..=counts[axis] {
@@ -200,13 +200,13 @@ impl Point<'_> {
 
     /// Finds where the integral over p has a kink, and sorts all ends.
     fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
-        let per_width = self.glossy.reflectance.lobe.n_u.sqrt();
-        let reach = 0.5 * self.fineness.reach_widths(-CORNER_DIGITS);
+        let per_width = self.anisotropic.reflectance.lobe.n_u.sqrt();
+        let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
         let levels = self
             .branches
             .levels()
             .flat_map(|level| level.on_axis().zeros());
-        let corners = self.glossy.corners.iter().filter_map(|corner| {
+        let corners = self.anisotropic.corners.iter().filter_map(|corner| {
             let half = self.wo + (*corner - self.position).normalized();
             let [p, q] = [half.x / half.z, half.y / half.z];
             (p.abs() * per_width < reach).then_some(q)

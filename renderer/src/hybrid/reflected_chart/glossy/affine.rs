@@ -74,7 +74,7 @@ mod tests {
             across in -3.0..3.0f64, down in -3.0..3.0f64, from in -3.0..2.0f64,
         ) {
             const STEPS: u32 = 400;
-            let place = Affine { middle: 0.0, across, down };
+            let position = Affine { middle: 0.0, across, down };
             let step = |i: u32| (f64::from(i) + 0.5) / f64::from(STEPS) - 0.5;
             let inside = (0..STEPS)
                 .flat_map(|i| (0..STEPS).map(move |j| across * step(i) + down * step(j)))
@@ -82,19 +82,19 @@ mod tests {
                 .count();
             let expected = inside as f64 / f64::from(STEPS * STEPS);
             // Of the two edges a cell of the raster may go either way.
-            prop_assert!((place.share_of_unit(from) - expected).abs() < 4.0 / f64::from(STEPS));
+            prop_assert!((position.share_of_unit(from) - expected).abs() < 4.0 / f64::from(STEPS));
         }
     }
 
     #[test]
     fn a_constant_lies_in_one_unit() {
-        let place = Affine {
+        let position = Affine {
             middle: 0.5,
             across: 0.0,
             down: 0.0,
         };
         assert_eq!(
-            [-1.0, 0.0, 1.0].map(|from| place.share_of_unit(from)),
+            [-1.0, 0.0, 1.0].map(|from| position.share_of_unit(from)),
             [0.0, 1.0, 0.0]
         );
     }

@@ -1,6 +1,6 @@
 //! Film points and cells side by side.
 
-use super::mirrored::MirroredChart;
+use super::glossy_chart::GlossyChart;
 use crate::numerics::batch::LANES;
 use crate::reflectance::fresnel;
 use crate::vector::Vec3;
@@ -13,21 +13,21 @@ pub type Lanes = [f64; LANES];
 pub struct Rays {
     /// x, y and z.
     pub direction: [Lanes; 3],
-    /// Where they meet the sample's plane, from the panel's corner.
+    /// Where they meet the sample's plane, from the chart's corner.
     pub at: [Lanes; 3],
-    /// How far in front of the panel's plane that is.
+    /// How far in front of the chart's plane that is.
     pub above: Lanes,
 }
 
 impl Rays {
-    /// Puts a direction in place.
-    pub fn set(&mut self, lane: usize, view: &MirroredChart<'_>, direction: Vec3) {
-        let panel = &view.chart.panel;
-        let camera = view.camera.position;
-        let at = camera - panel.corner + direction * (-camera.z / direction.z);
+    /// Sets the direction of a lane.
+    pub fn set(&mut self, lane: usize, glossy: &GlossyChart<'_>, direction: Vec3) {
+        let plane = &glossy.chart.plane;
+        let camera = glossy.camera.position;
+        let at = camera - plane.corner + direction * (-camera.z / direction.z);
         put(&mut self.direction, lane, direction.into());
         put(&mut self.at, lane, at.into());
-        self.above[lane] = (panel.z * (1.0 / panel.pitch)).dot(at);
+        self.above[lane] = (plane.z * (1.0 / plane.pitch)).dot(at);
     }
 }
 
@@ -63,10 +63,10 @@ impl Default for Cells {
 }
 
 impl Cells {
-    /// Puts a cell in place.
-    pub fn set(&mut self, lane: usize, view: &MirroredChart<'_>, whole: bool, direction: Vec3) {
+    /// Sets the cell of a lane.
+    pub fn set(&mut self, lane: usize, glossy: &GlossyChart<'_>, whole: bool, direction: Vec3) {
         let to_camera = -direction.normalized();
-        let response = view.reflectance.tint_response(to_camera.z);
+        let response = glossy.reflectance.tint_response(to_camera.z);
         self.blank &= !whole;
         self.whole[lane] = f64::from(u8::from(whole));
         put(&mut self.direction, lane, direction.into());
@@ -76,7 +76,7 @@ impl Cells {
         self.knees[lane] = response.knee;
     }
 
-    /// What a cell reflects in the mirror of a normal: min(1, cos_i/cos_o) times its tint.
+    /// What a cell reflects about a normal: min(1, cos_i/cos_o) times its tint.
     #[inline(always)]
     pub fn tint(&self, lane: usize, normal: Vec3, ior: f64) -> [f64; 3] {
         let (d, length) = (at_lane(&self.direction, lane), self.length[lane]);
@@ -100,7 +100,7 @@ impl Cells {
 
 /// Along an axis, the middle of what of a cell from `low` to `high` lies on a patch, from its edge.
 #[inline(always)]
-pub fn place_on(low: f64, high: f64, patch: f64) -> f64 {
+pub fn position_on(low: f64, high: f64, patch: f64) -> f64 {
     let from = if low > patch { low } else { patch };
     let to = if high < patch + 1.0 {
         high

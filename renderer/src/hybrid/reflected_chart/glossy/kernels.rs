@@ -1,27 +1,27 @@
-//! What a mirror of one normal shows along a line of film points.
+//! What reflection about one normal shows along a line of film points.
 
 use super::affine::Affine;
-use super::cells::{Cells, Lanes, Rays, at_lane, place_on};
+use super::cells::{Cells, Lanes, Rays, at_lane, position_on};
 use super::span::Spans;
 use crate::hybrid::reflected_chart::lit_chart::{LitChart, patch_at};
 use crate::numerics::batch::LANES;
 use crate::numerics::instructions::kernel;
 use crate::vector::Vec3;
 
-/// Panel coordinates of what does not meet the panel's front.
+/// Chart coordinates of a ray that does not hit the chart's front.
 const FAR: f64 = -1e9;
 
 kernel! {
-    /// Where `rays`, mirrored by `normal`, meet the panel, in patches from its corner; returns the
-    /// least and the largest along either axis, lane by lane. `frame` holds the panel's axes over
+    /// Where `rays`, reflected about `normal`, hit the chart, in patches from its corner; returns the
+    /// least and the largest along either axis, lane by lane. `frame` holds the chart's axes over
     /// its pitch.
-    pub fn meet(
+    pub fn intersect(
         rays: &[Rays],
-        places: [&mut [f64]; 2],
+        positions: [&mut [f64]; 2],
         normal: Vec3,
         frame: [Vec3; 3],
     ) -> [[Lanes; 2]; 2] {
-        let [us, vs] = places.map(|line| line.as_chunks_mut::<LANES>().0);
+        let [us, vs] = positions.map(|line| line.as_chunks_mut::<LANES>().0);
         for ((rays, u), v) in rays.iter().zip(us.iter_mut()).zip(vs.iter_mut()) {
             let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
             for i in 0..LANES {
@@ -47,10 +47,10 @@ kernel! {
 }
 
 kernel! {
-    /// Adds to the sums of `pixels` what cells, one of each, mirror, and extends their spans; appends
+    /// Adds to the sums of `pixels` what cells, one of each, reflect, and extends their spans; appends
     /// to `rest` the cells left out, those on corners of patches. `corners` holds along either axis
-    /// the places that [`meet`] found: upper left, upper right, lower left, lower right. `optics` is
-    /// the normal, the index of refraction and the cells' side.
+    /// the positions that [`intersect`] found: upper left, upper right, lower left, lower right.
+    /// `optics` is the normal, the index of refraction and the cells' side.
     pub fn shine(
         chart: &LitChart,
         optics: (Vec3, f64, f64),
@@ -62,7 +62,7 @@ kernel! {
         let (normal, ior, cell_side) = optics;
         let (sums, spans) = pixels;
         let corners = corners.map(|axis| axis.map(|line| line.as_chunks::<LANES>().0));
-        let counts = [f64::from(chart.panel.columns), f64::from(chart.panel.rows)];
+        let counts = [f64::from(chart.plane.columns), f64::from(chart.plane.rows)];
         let cell_area = cell_side * cell_side;
         for (block, ((cells, sums), spans)) in cells.iter().zip(sums).zip(spans).enumerate() {
             let (mut middle, mut across, mut down) = ([[0.0; LANES]; 2], [[0.0; LANES]; 2], [[0.0; LANES]; 2]);
@@ -71,12 +71,12 @@ kernel! {
                 let [a, b, c, d] = corners[axis];
                 let (a, b, c, d) = (&a[block], &b[block], &c[block], &d[block]);
                 for i in 0..LANES {
-                    let place = Affine::through([a[i], b[i], c[i], d[i]]);
-                    middle[axis][i] = place.middle;
-                    across[axis][i] = place.across;
-                    down[axis][i] = place.down;
-                    low[axis][i] = place.low();
-                    high[axis][i] = place.high();
+                    let position = Affine::through([a[i], b[i], c[i], d[i]]);
+                    middle[axis][i] = position.middle;
+                    across[axis][i] = position.across;
+                    down[axis][i] = position.down;
+                    low[axis][i] = position.low();
+                    high[axis][i] = position.high();
                 }
                 spans.extend(axis, &low[axis], &high[axis]);
             }
@@ -169,12 +169,12 @@ kernel! {
                         }
                         for axis in 0..2 {
                             for i in 0..LANES {
-                                let place = Affine {
+                                let position = Affine {
                                     middle: middle[axis][i],
                                     across: across[axis][i],
                                     down: down[axis][i],
                                 };
-                                let strip = place.share_of_unit(patch[axis]) * cell_side * cell_side;
+                                let strip = position.share_of_unit(patch[axis]) * cell_side * cell_side;
                                 let inside = (low[axis][i] >= patch[axis])
                                     & (high[axis][i] <= patch[axis] + 1.0);
                                 area[i] = if inside | (area[i] == 0.0) { area[i] } else { strip };
@@ -186,8 +186,8 @@ kernel! {
                     let mut terms = [[0.0; LANES]; 3];
                     for i in 0..LANES {
                         let at = [
-                            place_on(low[0][i], high[0][i], patch[0]),
-                            place_on(low[1][i], high[1][i], patch[1]),
+                            position_on(low[0][i], high[0][i], patch[0]),
+                            position_on(low[1][i], high[1][i], patch[1]),
                         ];
                         let light = patch_at(light, colour, at);
                         for channel in 0..3 {

@@ -1,9 +1,9 @@
-//! A line of cells across the film, in the mirror of one normal.
+//! A line of cells across the film, reflected about one normal.
 
 use super::affine::Affine;
-use super::cells::{Cells, Rays, place_on};
-use super::kernels::{meet, shine};
-use super::mirrored::MirroredChart;
+use super::cells::{Cells, Rays, position_on};
+use super::glossy_chart::GlossyChart;
+use super::kernels::{intersect, shine};
 use super::span::Spans;
 use crate::hybrid::reflected_chart::lit_chart::patch_at;
 use crate::numerics::batch::LANES;
@@ -16,7 +16,7 @@ use std::ops::Range;
 /// In memory all pixels' first cells come first, then their second ones, and so on: neighbours
 /// add to sums of their own, and a pixel's cells in their order.
 pub struct Line<'a> {
-    view: &'a MirroredChart<'a>,
+    glossy: &'a GlossyChart<'a>,
     cell_side: f64,
     /// Column of the first cell's left edge, and the line's upper edge.
     origin: [f64; 2],
@@ -44,11 +44,11 @@ struct Part {
 }
 
 impl<'a> Line<'a> {
-    pub fn new(view: &'a MirroredChart<'a>, top: f64, columns: Range<u32>, cells: u32) -> Self {
+    pub fn new(glossy: &'a GlossyChart<'a>, top: f64, columns: Range<u32>, cells: u32) -> Self {
         let (pixels, phases) = (columns.len(), cells as usize);
         let cell_side = 1.0 / f64::from(cells);
         let left = f64::from(columns.start);
-        let direction = |column: f64, row: f64| view.camera.direction(column, row);
+        let direction = |column: f64, row: f64| glossy.camera.direction(column, row);
         let step = direction(left + cell_side, top) - direction(left, top);
         let stride = (pixels + 1).next_multiple_of(LANES);
         // What fills vectors up stays close to the line.
@@ -59,14 +59,14 @@ impl<'a> Line<'a> {
             let mut rays = vec![Rays::default(); stride / LANES * phases];
             for entry in 0..stride * phases {
                 let rays = &mut rays[entry / LANES];
-                rays.set(entry % LANES, view, start + step * index(entry) as f64);
+                rays.set(entry % LANES, glossy, start + step * index(entry) as f64);
             }
             rays
         });
         let half = 0.5 * cell_side;
         let start = direction(left + half, top + half);
         let mut line = Self {
-            view,
+            glossy,
             cell_side,
             origin: [left, top],
             phases,
@@ -84,8 +84,8 @@ impl<'a> Line<'a> {
             for pixel in 0..pixels {
                 let entry = phase * stride + pixel;
                 let cell = line.cell(phase, pixel);
-                let covered = view.outline.clipped(&cell);
-                let whole = view.outline.contains(&cell);
+                let covered = glossy.outline.clipped(&cell);
+                let whole = glossy.outline.contains(&cell);
                 if !whole && !covered.is_empty() {
                     let area = covered.area();
                     line.parts[phase].push(Part {
@@ -95,7 +95,7 @@ impl<'a> Line<'a> {
                     });
                 }
                 let direction = start + step * index(entry) as f64;
-                line.cells[entry / LANES].set(entry % LANES, view, whole, direction);
+                line.cells[entry / LANES].set(entry % LANES, glossy, whole, direction);
             }
         }
         line
@@ -112,15 +112,15 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Turns the mirror to a normal; returns the least and the largest place on the chart, in
-    /// patches from its corner, along either axis.
-    pub fn mirror(&mut self, normal: Vec3) -> [[f64; 2]; 2] {
-        let panel = &self.view.chart.panel;
-        let frame = [panel.x, panel.y, panel.z].map(|axis| axis * (1.0 / panel.pitch));
+    /// Intersects the rays, reflected about a normal, with the chart; returns the least and the
+    /// largest position on it, in patches from its corner, along either axis.
+    pub fn reflect(&mut self, normal: Vec3) -> [[f64; 2]; 2] {
+        let plane = &self.glossy.chart.plane;
+        let frame = [plane.x, plane.y, plane.z].map(|axis| axis * (1.0 / plane.pitch));
         let [u, v] = &mut self.corners;
         let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for ((rays, u), v) in self.rays.iter().zip(u).zip(v) {
-            let found = meet(self.view.instructions, rays, [u, v], normal, frame);
+            let found = intersect(self.glossy.instructions, rays, [u, v], normal, frame);
             for (ends, [low, high]) in ends.iter_mut().zip(found) {
                 ends[0] = low.into_iter().fold(ends[0], f64::min);
                 ends[1] = high.into_iter().fold(ends[1], f64::max);
@@ -129,9 +129,9 @@ impl<'a> Line<'a> {
         ends
     }
 
-    /// Adds what the cells mirror to the sums of their pixels.
+    /// Adds what the cells reflect to the sums of their pixels.
     pub fn shine(&mut self, normal: Vec3, sums: &mut [[[f64; LANES]; 3]], spans: &mut [Spans]) {
-        let optics = (normal, self.view.reflectance.ior, self.cell_side);
+        let optics = (normal, self.glossy.reflectance.ior, self.cell_side);
         for phase in 0..self.phases {
             let mut rest = std::mem::take(&mut self.rest);
             let from = phase * self.stride;
@@ -150,8 +150,8 @@ impl<'a> Line<'a> {
                 ]
             });
             shine(
-                self.view.instructions,
-                self.view.chart,
+                self.glossy.instructions,
+                self.glossy.chart,
                 optics,
                 &self.cells[from / LANES..],
                 corners,
@@ -169,21 +169,21 @@ impl<'a> Line<'a> {
     }
 
     /// Where on the chart a cell shows, along either axis.
-    fn places(&self, phase: usize, pixel: usize) -> [Affine; 2] {
+    fn positions(&self, phase: usize, pixel: usize) -> [Affine; 2] {
         let entry = phase * self.stride + pixel;
         let right = if phase + 1 < self.phases {
             entry + self.stride
         } else {
             pixel + 1
         };
-        let place = |axis: usize| {
+        let position = |axis: usize| {
             let [above, below] = &self.corners[axis];
             Affine::through([above[entry], above[right], below[entry], below[right]])
         };
-        [place(0), place(1)]
+        [position(0), position(1)]
     }
 
-    /// Adds what one cell mirrors, whole or covered in part.
+    /// Adds what one cell reflects, whole or covered in part.
     fn add(
         &self,
         normal: Vec3,
@@ -192,16 +192,17 @@ impl<'a> Line<'a> {
         part: Option<&Part>,
         sums: &mut [[[f64; LANES]; 3]],
     ) {
-        let chart = self.view.chart;
+        let chart = self.glossy.chart;
         let entry = phase * self.stride + pixel;
-        let places = self.places(phase, pixel);
-        let low = [places[0].low(), places[1].low()];
-        let high = [places[0].high(), places[1].high()];
-        let counts = [chart.panel.columns, chart.panel.rows].map(f64::from);
+        let positions = self.positions(phase, pixel);
+        let low = [positions[0].low(), positions[1].low()];
+        let high = [positions[0].high(), positions[1].high()];
+        let counts = [chart.plane.columns, chart.plane.rows].map(f64::from);
         if (0..2).any(|axis| high[axis] <= 0.0 || low[axis] >= counts[axis]) {
             return;
         }
-        let tint = self.cells[entry / LANES].tint(entry % LANES, normal, self.view.reflectance.ior);
+        let tint =
+            self.cells[entry / LANES].tint(entry % LANES, normal, self.glossy.reflectance.ior);
         let range = |axis: usize| {
             let last = counts[axis] - 1.0;
             let first = low[axis].floor().clamp(0.0, last);
@@ -216,17 +217,17 @@ impl<'a> Line<'a> {
                 });
                 let area = match (part, inside) {
                     (None, [true, true]) => self.cell_side * self.cell_side,
-                    (None, [false, true]) => self.strip(places[0], patch[0]),
-                    (None, [true, false]) => self.strip(places[1], patch[1]),
+                    (None, [false, true]) => self.strip(positions[0], patch[0]),
+                    (None, [true, false]) => self.strip(positions[1], patch[1]),
                     (Some(part), [true, true]) => part.area,
-                    _ => self.part(phase, pixel, part, &places, patch),
+                    _ => self.part(phase, pixel, part, &positions, patch),
                 };
                 if area <= 0.0 {
                     continue;
                 }
                 let at = [
-                    place_on(low[0], high[0], patch[0]),
-                    place_on(low[1], high[1], patch[1]),
+                    position_on(low[0], high[0], patch[0]),
+                    position_on(low[1], high[1], patch[1]),
                 ];
                 let index = chart.patch(column, row);
                 let light = patch_at(&chart.light[index], &chart.patches[index], at);
@@ -238,9 +239,9 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// The area of a cell on which a place lies between `from` and `from + 1`.
-    fn strip(&self, place: Affine, from: f64) -> f64 {
-        place.share_of_unit(from) * self.cell_side * self.cell_side
+    /// The area of a cell on which a position lies between `from` and `from + 1`.
+    fn strip(&self, position: Affine, from: f64) -> f64 {
+        position.share_of_unit(from) * self.cell_side * self.cell_side
     }
 
     /// The covered area of a cell that lies on a patch, where that is no strip.
@@ -249,16 +250,16 @@ impl<'a> Line<'a> {
         phase: usize,
         pixel: usize,
         part: Option<&Part>,
-        places: &[Affine; 2],
+        positions: &[Affine; 2],
         patch: [f64; 2],
     ) -> f64 {
         let cell = self.cell(phase, pixel);
         let mut polygon = part.map_or_else(|| Polygon::rectangle(&cell), |part| part.covered);
-        for (place, from) in places.iter().zip(patch) {
+        for (position, from) in positions.iter().zip(patch) {
             let above = |[column, row]: [f64; 2]| {
                 let x = (column - cell.low[0]) / self.cell_side - 0.5;
                 let y = (row - cell.low[1]) / self.cell_side - 0.5;
-                place.middle + place.across * x + place.down * y - from
+                position.middle + position.across * x + position.down * y - from
             };
             polygon = polygon.cut(above).cut(|point| 1.0 - above(point));
         }
@@ -271,7 +272,7 @@ mod tests {
     use super::super::span::Span;
     use super::*;
     use crate::geometry::BackendChoice;
-    use crate::hybrid::Stage;
+    use crate::hybrid::PreparedView;
     use crate::hybrid::reflected_chart::lit_chart::LitChart;
     use crate::numerics::instructions::Instructions;
     use crate::reflectance::Reflectance;
@@ -301,53 +302,56 @@ mod tests {
         let specification = Specification::preset();
         let scene = Scene::new(&specification, 5, BackendChoice::Native);
         let scene = scene.expect("a view").expect("a scene");
-        let stage = Stage::new(&scene, &specification).expect("a stage");
-        let panel = stage.panel.as_ref().expect("a chart");
-        let chart = LitChart::new(panel, 1, |[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
-        // A sheet of a lobe: its normals lead all over the chart and beside it.
+        let prepared = PreparedView::new(&scene, &specification).expect("a prepared view");
+        let chart = prepared.chart.as_ref().expect("a chart");
+        let chart = LitChart::new(chart, 1, |[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
+        // A highly anisotropic lobe: its normals lead all over the chart and beside it.
         let material = HARD_CASES[2].material;
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);
         let normals: Vec<Vec3> = (0..40)
             .map(|i| {
-                let turn = (f64::from(i) * 0.618_034).fract().max(1e-3);
-                reflectance.lobe.sample([turn, (f64::from(i) + 0.5) / 40.0])
+                let along = (f64::from(i) * 0.618_034).fract().max(1e-3);
+                reflectance
+                    .lobe
+                    .sample([along, (f64::from(i) + 0.5) / 40.0])
             })
             .collect();
         let (mut cut, mut lit) = (0, 0);
         for instructions in Instructions::available() {
-            let view = MirroredChart {
+            let glossy = GlossyChart {
                 chart: &chart,
                 reflectance: &reflectance,
-                camera: &stage.view.camera,
-                outline: &stage.view.sample,
-                accuracy: &stage.view.chart_accuracy,
+                camera: &prepared.view.camera,
+                outline: &prepared.view.sample,
+                accuracy: &prepared.view.chart_accuracy,
                 key: 1,
                 instructions,
             };
             for (cells, top) in [(1, 40.0), (1, 64.0), (1, 87.0), (3, 60.0)] {
-                let mut line = Line::new(&view, top, COLUMNS, cells);
+                let mut line = Line::new(&glossy, top, COLUMNS, cells);
                 let sums = vec![[[0.0; LANES]; 3]; BLOCKS];
                 let spans = vec![Spans::default(); BLOCKS];
                 let (mut together, mut together_spans) = (sums.clone(), spans.clone());
                 let (mut alone, mut alone_spans) = (sums, spans);
                 for normal in &normals {
-                    line.mirror(*normal);
+                    line.reflect(*normal);
                     line.shine(*normal, &mut together, &mut together_spans);
                     for phase in 0..line.phases {
                         for pixel in 0..COLUMNS.len() {
                             let (block, lane) = (pixel / LANES, pixel % LANES);
-                            let places = line.places(phase, pixel);
-                            for (axis, place) in places.into_iter().enumerate() {
+                            let positions = line.positions(phase, pixel);
+                            for (axis, position) in positions.into_iter().enumerate() {
                                 let mut ends = [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]];
-                                ends[0][lane] = place.low();
-                                ends[1][lane] = place.high();
+                                ends[0][lane] = position.low();
+                                ends[1][lane] = position.high();
                                 alone_spans[block].extend(axis, &ends[0], &ends[1]);
                             }
                             let cell = &line.cells[(phase * line.stride + pixel) / LANES];
                             let part = line.parts[phase].iter().find(|part| part.pixel == pixel);
-                            let parted =
-                                |place: Affine| place.low().floor() != place.high().floor();
-                            cut += usize::from(places.into_iter().any(parted));
+                            let parted = |position: Affine| {
+                                position.low().floor() != position.high().floor()
+                            };
+                            cut += usize::from(positions.into_iter().any(parted));
                             if cell.whole[lane] > 0.0 || part.is_some() {
                                 line.add(*normal, phase, pixel, part, &mut alone);
                             }

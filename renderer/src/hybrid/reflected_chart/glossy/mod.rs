@@ -1,17 +1,17 @@
-//! The chart in a smooth sample: pixels by areas, the lobe by points.
+//! The colour chart in a glossy sample: pixels by areas, the lobe by points.
 //!
-//! A narrow lobe mirrors the chart with edges finer than any tile. But in a mirror with one tilted
-//! normal the chart is a picture, and on a pixel of it the patches are parted by straight lines: its
-//! integral is areas times a patch's light. What is left is the integral over the normals, the
-//! half vectors of the lobe. They are drawn from it in independent scrambles, the same for all
-//! pixels, so that the model's lobe cancels against their density; as a pixel's areas change
-//! smoothly with the normal, few are enough, and for a mirror one.
+//! A glossy lobe reflects the edges of patches so sharply that no tile follows them. But reflected
+//! about one normal the chart is a picture, and straight lines part its patches on a pixel: the pixel
+//! is a sum of areas times a patch's light. What remains is an integral over the normals, the half
+//! vectors of the lobe. They are drawn from the lobe in independent scrambles, the same for all
+//! pixels, so that the model's lobe cancels against their density. A pixel's areas change smoothly
+//! with the normal, so a few normals are enough, and a perfect mirror needs one.
 
 mod affine;
 mod cells;
+mod glossy_chart;
 mod kernels;
 mod line;
-mod mirrored;
 mod span;
 
 use crate::film::replicates::{REPLICATES, estimate};
@@ -20,25 +20,20 @@ use crate::numerics::batch::LANES;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
 use crate::sampler::{Dimension, Sampler};
-use crate::scene::Panel;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
+pub use glossy_chart::GlossyChart;
 use line::Line;
-pub use mirrored::MirroredChart;
 use rayon::prelude::*;
 use span::{Span, Spans};
 
-/// From this exponent on a lobe mirrors edges about as fine as a pixel: a quarter of the time that
-/// tiles take.
+/// Above this exponent a lobe reflects edges about as fine as a pixel, and this method takes a quarter
+/// of the time that tiles take.
 const SHARP_EXPONENT: f64 = 1e5;
 
-/// From these exponents on, the one along a lobe's narrow axis and the other less, it is a sheet
-/// that a product rule over the chart resolves only with many points.
-const SHEET_EXPONENTS: [f64; 2] = [3e3, 100.0];
-
-/// Whether the chart in a sample of this material is worked out here.
-pub fn wanted(reflectance: &Reflectance) -> bool {
-    let lobe = &reflectance.lobe;
-    lobe.n_u > SHARP_EXPONENT || (lobe.n_u > SHEET_EXPONENTS[0] && lobe.n_v < SHEET_EXPONENTS[1])
+/// Whether the lobe is glossy along both axes; asked only of one that is not highly anisotropic.
+pub fn is_glossy(reflectance: &Reflectance) -> bool {
+    reflectance.lobe.n_u > SHARP_EXPONENT
 }
 
 /// Rows that share a pilot.
@@ -60,7 +55,7 @@ const NORMALS_MAX_FINEST: usize = 1024;
 /// Doubling the normals cuts the error by at least this power of two.
 const CONVERGENCE: f64 = 1.0;
 
-/// Of a band's pixels so many may miss the target.
+/// Fraction of a band's pixels allowed to miss the tolerance.
 const LEFT_OUT: f64 = 0.02;
 
 /// What a patch may differ from its neighbour by, in units of white: where an edge lies just beyond
@@ -77,7 +72,7 @@ const CELLS_MAX: f64 = 16.0;
 /// Keeps the pilot's normals apart from the others.
 const PILOT_PURPOSE: u64 = 0x70_696c_6f74;
 
-impl MirroredChart<'_> {
+impl GlossyChart<'_> {
     /// The pixels of a rectangle of whole ones, row by row, and how many normals they took in all.
     /// `before` is what a pixel, by column and row, holds already.
     pub fn render(
@@ -154,7 +149,7 @@ impl MirroredChart<'_> {
         let blocks = columns.len().div_ceil(LANES);
         let mut sums = vec![vec![[[0.0; LANES]; 3]; blocks]; REPLICATES as usize];
         let mut spans = vec![Spans::default(); blocks];
-        // Of normals in whose mirror no pixel shows anything of the chart.
+        // The span of normals about which no pixel reflects anything of the chart.
         let mut beyond = Span::default();
         for sub_row in 0..cells {
             let top = f64::from(row) + f64::from(sub_row) / f64::from(cells);
@@ -162,8 +157,8 @@ impl MirroredChart<'_> {
             for (sums, normals) in sums.iter_mut().zip(normals) {
                 for normal in &normals[..count] {
                     *spent += columns.len() as u64 * u64::from(cells);
-                    let ends = line.mirror(*normal);
-                    if may_show(&self.chart.panel, ends) {
+                    let ends = line.reflect(*normal);
+                    if may_show(&self.chart.plane, ends) {
                         line.shine(*normal, sums, &mut spans);
                     } else {
                         beyond.extend(ends.map(|[low, _]| low), ends.map(|[_, high]| high));
@@ -180,7 +175,7 @@ impl MirroredChart<'_> {
                 });
                 let mut pixel = estimate(&means);
                 let span = spans[block].of(lane).with(beyond);
-                if span.near_edge(&self.chart.panel) {
+                if span.near_edge(&self.chart.plane) {
                     let unseen = CONTRAST / (f64::from(REPLICATES) * count as f64);
                     pixel.error = pixel.error.max(unseen);
                 }
@@ -210,10 +205,10 @@ impl MirroredChart<'_> {
     }
 }
 
-/// Whether anything of the chart may be seen between two places along either axis, in patches from
+/// Whether anything of the chart may be seen between two positions along either axis, in patches from
 /// its corner.
-fn may_show(panel: &Panel, ends: [[f64; 2]; 2]) -> bool {
-    let counts = [panel.columns, panel.rows].map(f64::from);
+fn may_show(plane: &ChartPlane, ends: [[f64; 2]; 2]) -> bool {
+    let counts = [plane.columns, plane.rows].map(f64::from);
     ends.iter()
         .zip(counts)
         .all(|([low, high], count)| *high > 0.0 && *low < count)

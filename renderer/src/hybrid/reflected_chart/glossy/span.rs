@@ -1,7 +1,7 @@
 //! Where on the chart all normals of a pixel lead.
 
 use crate::numerics::batch::LANES;
-use crate::scene::Panel;
+use crate::scene::ChartPlane;
 
 /// How far beyond what the normals span an edge is near, as a share of it.
 const BEYOND: f64 = 0.2;
@@ -38,14 +38,14 @@ impl Span {
     }
 
     /// Whether an edge lies just beyond.
-    pub fn near_edge(&self, panel: &Panel) -> bool {
-        let counts = [panel.columns, panel.rows].map(f64::from);
+    pub fn near_edge(&self, plane: &ChartPlane) -> bool {
+        let counts = [plane.columns, plane.rows].map(f64::from);
         let more: [f64; 2] =
             std::array::from_fn(|axis| BEYOND * (self.high[axis] - self.low[axis]));
-        let meets = (0..2).all(|axis| {
+        let overlaps = (0..2).all(|axis| {
             self.low[axis] - more[axis] < counts[axis] && self.high[axis] + more[axis] > 0.0
         });
-        meets
+        overlaps
             && (0..2).any(|axis| {
                 let bound = |at: f64| at.clamp(-1.0, counts[axis] + 1.0).floor();
                 bound(self.low[axis]) != bound(self.low[axis] - more[axis])

@@ -1,4 +1,4 @@
-//! A chart in a smooth sample, and who looks at it.
+//! The colour chart and the glossy sample that reflects it to a camera.
 
 use crate::hybrid::reflected_chart::lit_chart::LitChart;
 use crate::numerics::instructions::Instructions;
@@ -7,13 +7,13 @@ use crate::reflectance::Reflectance;
 use crate::scene::PinholeCamera;
 use dataset::specification::Accuracy;
 
-/// A smooth sample with the chart in it.
-pub struct MirroredChart<'a> {
-    /// What is mirrored.
+/// The chart, a glossy sample and the camera that sees the one in the other.
+pub struct GlossyChart<'a> {
+    /// What is reflected.
     pub chart: &'a LitChart,
-    /// What mirrors it.
+    /// What reflects it.
     pub reflectance: &'a Reflectance,
-    /// From where.
+    /// Where it is seen from.
     pub camera: &'a PinholeCamera,
     /// The sample's outline on the film.
     pub outline: &'a Polygon,

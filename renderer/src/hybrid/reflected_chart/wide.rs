@@ -1,5 +1,5 @@
-//! The chart off a lobe that is neither highly anisotropic nor narrow: a product rule over its
-//! patches.
+//! The chart off a wide lobe, one that is neither glossy nor highly anisotropic: a product rule over
+//! the patches.
 
 use super::gather::{self, LightBatch};
 use super::lit_chart::LitChart;
@@ -10,13 +10,13 @@ use crate::numerics::batch::{LANES, total};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::elementary::{exp, log1p};
 use crate::numerics::instructions::{Instructions, kernel};
-use crate::numerics::tolerance::Fineness;
+use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::{Reflectance, fresnel, lobe::Lobe};
 use crate::vector::Vec3;
 use std::f64::consts::FRAC_1_PI;
 
-/// The chart in the sample.
-pub struct ChartOffSample<'a> {
+/// The chart off a wide lobe.
+pub struct ChartOffWideLobe<'a> {
     pub view: &'a View,
     pub chart: &'a LitChart,
     /// The same in smaller parts, which tells what its parabolas miss.
@@ -24,41 +24,46 @@ pub struct ChartOffSample<'a> {
     pub reflectance: &'a Reflectance,
 }
 
-impl Shade for ChartOffSample<'_> {
+impl Shade for ChartOffWideLobe<'_> {
     type Scratch = LightBatch;
 
-    fn at(&self, scratch: &mut LightBatch, place: [f64; 2], fineness: Fineness) -> ([f64; 3], u32) {
-        self.off(self.chart, scratch, place, fineness)
+    fn at(
+        &self,
+        scratch: &mut LightBatch,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
+    ) -> ([f64; 3], u32) {
+        self.off(self.chart, scratch, film_point, tolerance)
     }
 
     fn light_error(
         &self,
         scratch: &mut LightBatch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> (f64, u32) {
         let [(coarse, first), (fine, second)] =
-            [self.chart, self.finer].map(|chart| self.off(chart, scratch, place, fineness));
+            [self.chart, self.finer].map(|chart| self.off(chart, scratch, film_point, tolerance));
         (largest_difference(coarse, fine), first + second)
     }
 }
 
-impl ChartOffSample<'_> {
+impl ChartOffWideLobe<'_> {
     fn off(
         &self,
         chart: &LitChart,
         scratch: &mut LightBatch,
-        place: [f64; 2],
-        fineness: Fineness,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
-        let (position, wo) = self.view.sample_point(place);
+        let (position, wo) = self.view.sample_point(film_point);
         let instructions = self.view.instructions;
         reflected(
             chart,
             position,
             wo,
             self.reflectance,
-            fineness,
+            tolerance,
             instructions,
             scratch,
         )
@@ -66,17 +71,17 @@ impl ChartOffSample<'_> {
 }
 
 /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
-/// units of white, and how many evaluations it took; for a lobe that is no thin sheet.
+/// units of white, and how many evaluations it took; for a wide lobe.
 fn reflected(
     chart: &LitChart,
     position: Vec3,
     wo: Vec3,
     reflectance: &Reflectance,
-    fineness: Fineness,
+    tolerance: Tolerance,
     instructions: Instructions,
     batch: &mut LightBatch,
 ) -> ([f64; 3], u32) {
-    let window = Window::new(position, wo, reflectance, &chart.panel, fineness);
+    let window = Window::new(position, wo, reflectance, &chart.plane, tolerance);
     let response = reflectance.tint_response(wo.z);
     // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
     let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
@@ -88,7 +93,7 @@ fn reflected(
         position,
         levels,
         &window,
-        fineness,
+        tolerance,
         batch,
     );
     let (lobe, ior) = (&reflectance.lobe, reflectance.ior);

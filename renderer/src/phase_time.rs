@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-/// What a stage of a view took.
+/// What a phase of a view took.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct StageTime {
-    /// The stage: `trace` of the path tracer; `bulb`, `interreflection`, `chart` and `reflected chart` of
+pub struct PhaseTime {
+    /// The phase: `trace` of the path tracer; `bulb`, `interreflection`, `chart` and `reflected chart` of
     /// the hybrid integrator; `encode` of both.
     pub name: &'static str,
     /// Wall-clock seconds.
@@ -14,13 +14,13 @@ pub struct StageTime {
 
 /// Does `work` and notes what it took.
 pub(crate) fn timed<T>(
-    stages: &mut Vec<StageTime>,
+    phases: &mut Vec<PhaseTime>,
     name: &'static str,
     work: impl FnOnce() -> T,
 ) -> T {
     let start = Instant::now();
     let done = work();
-    stages.push(StageTime {
+    phases.push(PhaseTime {
         name,
         seconds: start.elapsed().as_secs_f64(),
     });
