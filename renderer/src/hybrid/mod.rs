@@ -79,7 +79,7 @@ impl PreparedView {
 
     /// Renders the view, counts evaluations of the reflectance, and times the phases.
     /// `interreflection` is that of [`PreparedView::interreflection`]; if it is not at hand it is worked
-    /// out as a phase. `key` names the image, for what is sampled.
+    /// out as a phase.
     ///
     /// # Errors
     /// Those of [`PreparedView::interreflection`].
@@ -87,7 +87,6 @@ impl PreparedView {
         &self,
         reflectance: &Reflectance,
         interreflection: Option<&Interreflection>,
-        key: u64,
     ) -> Result<(Film, u64, Vec<PhaseTime>), Unresolved> {
         let [width, height] = self.view.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
@@ -122,7 +121,6 @@ impl PreparedView {
                         chart,
                         interreflection,
                         reflectance,
-                        key,
                     )
                 });
             }

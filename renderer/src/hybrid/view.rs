@@ -20,9 +20,9 @@ pub const BULB_EVALUATIONS_MIN: u64 = 20_000_000;
 /// The same on small films for the chart, each of whose evaluations takes longer.
 pub const CHART_EVALUATIONS_MIN: u64 = 2_000_000;
 
-/// The same for the chart off a highly anisotropic lobe, where each takes three times as long.
-pub const ANISOTROPIC_EVALUATIONS_PER_PIXEL: u64 = 800;
-pub const ANISOTROPIC_EVALUATIONS_MIN: u64 = 5_000_000;
+/// The same for the chart off a glossy lobe, where each takes three times as long.
+pub const GLOSSY_EVALUATIONS_PER_PIXEL: u64 = 800;
+pub const GLOSSY_EVALUATIONS_MIN: u64 = 5_000_000;
 
 /// Tiles are as long as this many features of the function on them.
 pub const FEATURES_PER_TILE: f64 = 3.0;
@@ -44,10 +44,10 @@ const CHART_RULE_SHARE: f64 = 0.01;
 /// Tiles of the chart in the sample are so many times longer: the nodes are dense at their ends.
 const CHART_TILE: f64 = 2.0;
 
-/// The same two for the chart off a highly anisotropic lobe, which is smooth but where an edge of a patch runs
+/// The same two for the chart off a glossy lobe, which is smooth but where an edge of a patch runs
 /// along the lobe's wide axis.
-const ANISOTROPIC_RULE_SHARE: f64 = 0.05;
-pub const ANISOTROPIC_TILE: f64 = 6.0;
+const GLOSSY_RULE_SHARE: f64 = 0.05;
+pub const GLOSSY_TILE: f64 = 6.0;
 
 /// The same two where the target is at least `COARSE`: a third of the work, and the stated errors
 /// still hold.
@@ -80,8 +80,8 @@ pub struct View {
     pub chart_accuracy: Accuracy,
     /// That of the chart's light at a point.
     pub chart_tolerance: Tolerance,
-    /// The same off a highly anisotropic lobe.
-    pub anisotropic_tolerance: Tolerance,
+    /// The same off a glossy lobe.
+    pub glossy_tolerance: Tolerance,
     /// How long the tiles of the chart in the sample are: see [`CHART_TILE`].
     pub chart_tile: f64,
     /// What kernels are worked out with.
@@ -117,7 +117,7 @@ impl View {
                 relative: CHART_SHARE * accuracy.relative,
             },
             chart_tolerance: Tolerance::new(chart_rule_share * target),
-            anisotropic_tolerance: Tolerance::new(ANISOTROPIC_RULE_SHARE * target),
+            glossy_tolerance: Tolerance::new(GLOSSY_RULE_SHARE * target),
             chart_tile,
             instructions: Instructions::widest(),
         })

@@ -1,6 +1,5 @@
 //! The colour chart in the sample.
 
-pub mod anisotropic;
 mod gather;
 pub mod glossy;
 pub mod lit_chart;
@@ -10,15 +9,14 @@ mod window;
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::{
-    ANISOTROPIC_EVALUATIONS_MIN, ANISOTROPIC_EVALUATIONS_PER_PIXEL, ANISOTROPIC_TILE,
-    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, View,
+    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN,
+    GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_TILE, View,
 };
 use crate::film::canvas::Canvas;
 use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
-use anisotropic::AnisotropicChart;
 use glossy::GlossyChart;
 use lit_chart::LitChart;
 use wide::ChartOffWideLobe;
@@ -26,21 +24,19 @@ use wide::ChartOffWideLobe;
 /// The chart's reflection is at least so much of white where its relative target counts.
 const FAINT_CHART: f64 = 0.1;
 
-/// Adds the chart in the sample to the film; returns evaluations. `key` names the image, for what is
-/// sampled.
+/// Adds the chart in the sample to the film; returns evaluations.
 pub fn add(
     view: &View,
     canvas: &mut Canvas<'_>,
     chart: &ChartOnFilm,
     interreflection: &Interreflection,
     reflectance: &Reflectance,
-    key: u64,
 ) -> u64 {
     // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
     // of it, and its part shows in `light_error`.
     let least = view.chart_accuracy.absolute;
     let allowed = least.max(view.chart_accuracy.relative * FAINT_CHART);
-    let (parts, missed) = LitChart::parts(chart, allowed, |at| {
+    let parts = LitChart::parts(chart, allowed, |at| {
         [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
@@ -50,14 +46,9 @@ pub fn add(
             .map(|channel| channel + direct)
     };
     let lit = LitChart::new(chart, parts, irradiance);
-    let is_anisotropic = anisotropic::is_highly_anisotropic(reflectance);
-    if !is_anisotropic && glossy::is_glossy(reflectance) {
-        let chart_error = interreflection.error() + missed;
-        return add_glossy(view, canvas, (&lit, chart_error), reflectance, key);
-    }
     let finer = LitChart::new(chart, 2 * parts, irradiance);
-    let add = if is_anisotropic {
-        add_anisotropic
+    let add = if glossy::is_glossy(reflectance) {
+        add_glossy
     } else {
         add_wide
     };
@@ -66,7 +57,7 @@ pub fn add(
     add(view, canvas, [&lit, &finer], error, reflectance)
 }
 
-/// Adds the chart off a lobe that is neither glossy nor highly anisotropic; returns evaluations.
+/// Adds the chart off a lobe that is not glossy; returns evaluations.
 fn add_wide(
     view: &View,
     canvas: &mut Canvas<'_>,
@@ -91,8 +82,8 @@ fn add_wide(
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
 
-/// Adds the chart off a highly anisotropic lobe; returns evaluations.
-fn add_anisotropic(
+/// Adds the chart off a glossy lobe; returns evaluations.
+fn add_glossy(
     view: &View,
     canvas: &mut Canvas<'_>,
     charts: [&LitChart; 2],
@@ -102,17 +93,14 @@ fn add_anisotropic(
     let demand = Demand {
         accuracy: &view.chart_accuracy,
         faint: view.chart_accuracy.absolute,
-        side_max: ANISOTROPIC_TILE * feature_pixels(view, charts[0], reflectance),
-        evaluations_max: view.evaluations_max(
-            ANISOTROPIC_EVALUATIONS_PER_PIXEL,
-            ANISOTROPIC_EVALUATIONS_MIN,
-        ),
-        tolerance: view.anisotropic_tolerance,
+        side_max: GLOSSY_TILE * feature_pixels(view, charts[0], reflectance),
+        evaluations_max: view.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN),
+        tolerance: view.glossy_tolerance,
         function_error,
     };
     let [chart, finer] =
-        charts.map(|chart| AnisotropicChart::new(chart, reflectance, view.instructions));
-    let shade = ChartOffAnisotropicLobe {
+        charts.map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
+    let shade = ChartOffGlossyLobe {
         view,
         chart: &chart,
         finer: &finer,
@@ -135,51 +123,20 @@ fn feature_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f
     view.feature_pixels(0.0, distance, reflectance)
 }
 
-/// Adds the chart off a glossy lobe; returns evaluations.
-fn add_glossy(
-    view: &View,
-    canvas: &mut Canvas<'_>,
-    (chart, chart_error): (&LitChart, f64),
-    reflectance: &Reflectance,
-    key: u64,
-) -> u64 {
-    let Some(bounds) = view.sample.bounds().intersection(&canvas.bounds()) else {
-        return 0;
-    };
-    let bounds = bounds.rounded_out();
-    let glossy = GlossyChart {
-        chart,
-        reflectance,
-        camera: &view.camera,
-        outline: &view.sample,
-        accuracy: &view.chart_accuracy,
-        key,
-        instructions: view.instructions,
-    };
-    let (pixels, evaluations) = glossy.render(&bounds, |column, row| canvas.value((column, row)));
-    for (index, pixel) in bounds.pixels().zip(pixels) {
-        // A reflection inherits the error of the chart wherever it shows some of it.
-        let shown = pixel.value.iter().any(|&channel| channel > 0.0);
-        let inherited = if shown { chart_error } else { 0.0 };
-        canvas.add(index, pixel.value, pixel.error + inherited);
-    }
-    evaluations
-}
-
-/// The chart off a highly anisotropic lobe.
-struct ChartOffAnisotropicLobe<'a> {
+/// The chart off a glossy lobe.
+struct ChartOffGlossyLobe<'a> {
     view: &'a View,
-    chart: &'a AnisotropicChart<'a>,
+    chart: &'a GlossyChart<'a>,
     /// The same with the chart in smaller parts.
-    finer: &'a AnisotropicChart<'a>,
+    finer: &'a GlossyChart<'a>,
 }
 
-impl Shade for ChartOffAnisotropicLobe<'_> {
-    type Scratch = anisotropic::Scratch;
+impl Shade for ChartOffGlossyLobe<'_> {
+    type Scratch = glossy::Scratch;
 
     fn at(
         &self,
-        scratch: &mut anisotropic::Scratch,
+        scratch: &mut glossy::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
@@ -189,7 +146,7 @@ impl Shade for ChartOffAnisotropicLobe<'_> {
 
     fn light_error(
         &self,
-        scratch: &mut anisotropic::Scratch,
+        scratch: &mut glossy::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> (f64, u32) {
