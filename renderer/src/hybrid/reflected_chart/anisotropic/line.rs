@@ -59,10 +59,10 @@ fn sum<const N: usize>(
             continue;
         };
         block.cut(point, lattice, cuts);
-        let seen = block.pieces::<N>(point, table, cuts);
+        let mut seen = block.pieces::<N>(point, table, cuts);
         sums.points += seen.lines(weight) * N as u32;
         if seen.used != [false; PARTS] {
-            block.add_points(point, order, weight, &seen, &mut sums);
+            block.add_points(point, order, weight, &mut seen, &mut sums);
         }
     }
     LineSums {
@@ -87,6 +87,10 @@ const HIGH: usize = 0;
 const LOW: usize = 1;
 const BEYOND: usize = 2;
 
+/// The points of a line are not drawn together to less than this, in widths to either side: the
+/// moments would lose their digits.
+const SPAN_MIN: f64 = 0.5;
+
 /// What the lines show of the chart.
 struct Seen<const N: usize> {
     /// The moments of pieces times their patches' reflectances, by part and channel.
@@ -95,18 +99,17 @@ struct Seen<const N: usize> {
     used: [bool; PARTS],
     /// The middle of a line's last piece on the chart, in patches from its corner.
     middle: [Lanes; 2],
-    /// 1 for a line that shows anything of the chart, 0 for one that does not.
-    shows: Lanes,
+    /// The first and the last p of a line that show any of it; the first beyond the last where
+    /// nothing does.
+    span: [Lanes; 2],
 }
 
 impl<const N: usize> Seen<N> {
     /// How many lines of a weight show anything.
     #[inline(always)]
     fn lines(&self, weight: &Lanes) -> u32 {
-        let shown = self.shows.iter().zip(weight);
-        shown
-            .filter(|(shows, weight)| **shows * **weight != 0.0)
-            .count() as u32
+        let shows = |&i: &usize| self.span[0][i] < self.span[1][i] && weight[i] != 0.0;
+        (0..LANES).filter(shows).count() as u32
     }
 }
 
@@ -259,7 +262,7 @@ impl<'a> Block<'a> {
             moments: [[[[0.0; LANES]; N]; 3]; PARTS],
             used: [false; PARTS],
             middle: [[0.0; LANES]; 2],
-            shows: [0.0; LANES],
+            span: [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]],
         };
         let mut from = self.reach.map(|reach| -reach);
         let mut below = [[0.0; LANES]; N];
@@ -332,7 +335,10 @@ impl<'a> Block<'a> {
             }
         }
         for i in 0..LANES {
-            seen.shows[i] = if on_chart[i] { 1.0 } else { seen.shows[i] };
+            let [first, last] = [seen.span[0][i], seen.span[1][i]];
+            let begins = on_chart[i] & (from[i] < first);
+            seen.span[0][i] = if begins { from[i] } else { first };
+            seen.span[1][i] = if on_chart[i] { to[i] } else { last };
             for axis in 0..2 {
                 let before = seen.middle[axis][i];
                 seen.middle[axis][i] = if on_chart[i] {
@@ -382,6 +388,31 @@ impl<'a> Block<'a> {
         beyond
     }
 
+    /// Where the points of a line lie: their middle and the unit of the order's nodes, in widths.
+    ///
+    /// Over a whole lobe they are Gauss's. Where only a part shows the chart they are drawn together
+    /// to that part, because light is known nowhere else.
+    #[inline(always)]
+    fn frame<const N: usize>(&self, order: &Nodes<N>, seen: &Seen<N>) -> [Lanes; 2] {
+        let farthest = order.nodes[N - 1];
+        let [mut middle, mut unit] = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let [first, last] = [0, 1].map(|end| seen.span[end][i] * self.per_width[i]);
+            let shows = first < last;
+            let first = if first > -farthest { first } else { -farthest };
+            let last = if last < farthest { last } else { farthest };
+            let [centre, half] = [0.5 * (first + last), 0.5 * (last - first)];
+            middle[i] = if shows { centre } else { 0.0 };
+            let half = if shows & (half > SPAN_MIN) {
+                half
+            } else {
+                SPAN_MIN
+            };
+            unit[i] = half / farthest;
+        }
+        [middle, unit]
+    }
+
     /// Adds the points of the lines.
     #[inline(always)]
     fn add_points<const N: usize>(
@@ -389,16 +420,20 @@ impl<'a> Block<'a> {
         point: &Point<'_>,
         order: &Nodes<N>,
         weight: &Lanes,
-        seen: &Seen<N>,
+        seen: &mut Seen<N>,
         sums: &mut Sums,
     ) {
+        let [middle, unit] = self.frame(order, seen);
+        seen.move_to(&middle, &unit);
         let (lobe, wo) = (&point.anisotropic.reflectance.lobe, point.wo);
         let per_viewer = 1.0 / wo.z;
         let (ior, knee) = (point.branches.ior, point.branches.knee);
         for k in 0..N {
-            let mut p = [0.0; LANES];
+            let [mut p, mut density] = [[0.0; LANES]; 2];
             for i in 0..LANES {
-                p[i] = order.nodes[k] / self.per_width[i];
+                let z = middle[i] + unit[i] * order.nodes[k];
+                p[i] = z / self.per_width[i];
+                density[i] = 0.5 * z * z;
             }
             let light = self.light(point, &p, seen);
             let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
@@ -412,13 +447,13 @@ impl<'a> Block<'a> {
                 let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
                 // At the normal the quotient is 0/0 and the product 0.
                 let exponent = (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE);
-                let power = exp(-0.5 * exponent * log1p(t));
-                // The density's own fall is in the moments, and the power is all of the lobe.
-                let scale = weight[i] / self.per_width[i] * order.inverse_densities[k];
-                let value_without = scale * power * inverse * inverse.sqrt();
+                // The density's own fall is in the moments.
+                let power = exp(density[i] - 0.5 * exponent * log1p(t));
+                let scale = weight[i] / self.per_width[i];
+                let lobe = scale * power * inverse * inverse.sqrt();
                 let fresnel = fresnel::reflectance(cos_i, ior);
-                value[i] = value_without * fresnel;
-                beyond[i] = value_without * (fresnel - knee);
+                value[i] = lobe * fresnel;
+                beyond[i] = lobe * (fresnel - knee);
                 shade[i] = cos_i * per_viewer;
             }
             let polynomial = &order.polynomials[k];
@@ -508,6 +543,33 @@ impl<const N: usize> Seen<N> {
             for k in 0..N {
                 for i in 0..LANES {
                     self.moments[part][channel][k][i] += colour[i] * piece[k][i];
+                }
+            }
+        }
+    }
+
+    /// Takes the moments about `middle`, in units of `unit`.
+    #[inline(always)]
+    fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
+        for (moments, used) in self.moments.iter_mut().zip(self.used) {
+            if !used {
+                continue;
+            }
+            for moments in moments {
+                // The binomial theorem, a factor at a time.
+                for first in 1..N {
+                    for k in (first..N).rev() {
+                        for i in 0..LANES {
+                            moments[k][i] -= middle[i] * moments[k - 1][i];
+                        }
+                    }
+                }
+                let mut scale = [1.0; LANES];
+                for moments in &mut moments[1..] {
+                    for i in 0..LANES {
+                        scale[i] /= unit[i];
+                        moments[i] *= scale[i];
+                    }
                 }
             }
         }

@@ -32,8 +32,6 @@ pub type Moments<const N: usize> = [[f64; LANES]; N];
 pub struct Nodes<const N: usize> {
     /// The points, in widths of the density.
     pub nodes: [f64; N],
-    /// The density's inverse at each.
-    pub inverse_densities: [f64; N],
     /// The coefficients of the polynomials that are 1 at one point and 0 at the others.
     pub polynomials: [[f64; N]; N],
 }
@@ -42,7 +40,6 @@ impl<const N: usize> Nodes<N> {
     fn new(nodes: [f64; N]) -> Self {
         Self {
             nodes,
-            inverse_densities: nodes.map(|z| libm::exp(0.5 * z * z)),
             polynomials: lagrange(nodes),
         }
     }

@@ -10,8 +10,8 @@ use crate::numerics::tolerance::Tolerance;
 /// Widths from the middle of an edge's passage through the lobe at which it is over.
 const PASSAGE: f64 = 3.5;
 
-/// A corner of a patch shows as a kink if it lies within so many widths of the axis p = 0.
-const CORNER_REACH: f64 = 2.0;
+/// A corner of a patch shows as a kink where the lobe has fallen by so many digits less than count.
+const CORNER_DIGITS: f64 = 2.0;
 
 /// A passage shorter than this share of the lobe's wide width is a step.
 const STEP: f64 = 1e-4;
@@ -201,6 +201,7 @@ impl Point<'_> {
     /// Finds where the integral over p has a kink, and sorts all ends.
     fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
         let per_width = self.anisotropic.reflectance.lobe.n_u.sqrt();
+        let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
         let levels = self
             .branches
             .levels()
@@ -208,7 +209,7 @@ impl Point<'_> {
         let corners = self.anisotropic.corners.iter().filter_map(|corner| {
             let half = self.wo + (*corner - self.position).normalized();
             let [p, q] = [half.x / half.z, half.y / half.z];
-            (p.abs() * per_width < CORNER_REACH).then_some(q)
+            (p.abs() * per_width < reach).then_some(q)
         });
         let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
         ends.extend(kinks.map(|q| End { q, kink: true }));
