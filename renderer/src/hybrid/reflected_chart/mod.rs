@@ -7,12 +7,11 @@ pub mod lit_chart;
 mod wide;
 mod window;
 
+use super::budget::{LobeKind, TILING, edged_tile_pixels};
+use super::budget::{anisotropic as anisotropic_budget, reflected_chart as wide_budget};
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
-use super::view::{
-    ANISOTROPIC_EVALUATIONS_MIN, ANISOTROPIC_EVALUATIONS_PER_PIXEL, ANISOTROPIC_TILE,
-    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, View,
-};
+use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
@@ -22,9 +21,6 @@ use anisotropic::AnisotropicChart;
 use glossy::GlossyChart;
 use lit_chart::LitChart;
 use wide::ChartOffWideLobe;
-
-/// The chart's reflection is at least so much of white where its relative target counts.
-const FAINT_CHART: f64 = 0.1;
 
 /// Adds the chart in the sample to the film; returns evaluations. `key` names the image, for what is
 /// sampled.
@@ -38,9 +34,7 @@ pub fn add(
 ) -> u64 {
     // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
     // of it, and its part shows in `light_error`.
-    let least = view.chart_accuracy.absolute;
-    let allowed = least.max(view.chart_accuracy.relative * FAINT_CHART);
-    let (parts, missed) = LitChart::parts(chart, allowed, |at| {
+    let (parts, missed) = LitChart::parts(chart, view.budget.parabolas(), |at| {
         [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
@@ -50,17 +44,15 @@ pub fn add(
             .map(|channel| channel + direct)
     };
     let lit = LitChart::new(chart, parts, irradiance);
-    let is_anisotropic = anisotropic::is_highly_anisotropic(reflectance);
-    if !is_anisotropic && glossy::is_glossy(reflectance) {
-        let chart_error = interreflection.error() + missed;
-        return add_glossy(view, canvas, (&lit, chart_error), reflectance, key);
-    }
-    let finer = LitChart::new(chart, 2 * parts, irradiance);
-    let add = if is_anisotropic {
-        add_anisotropic
-    } else {
-        add_wide
+    let add = match LobeKind::of(reflectance) {
+        LobeKind::Glossy => {
+            let chart_error = interreflection.error() + missed;
+            return add_glossy(view, canvas, (&lit, chart_error), reflectance, key);
+        }
+        LobeKind::HighlyAnisotropic => add_anisotropic,
+        LobeKind::Wide => add_wide,
     };
+    let finer = LitChart::new(chart, 2 * parts, irradiance);
     // A sample reflects at most all of the light that it receives.
     let error = interreflection.error();
     add(view, canvas, [&lit, &finer], error, reflectance)
@@ -75,12 +67,13 @@ fn add_wide(
     reflectance: &Reflectance,
 ) -> u64 {
     let demand = Demand {
-        accuracy: &view.chart_accuracy,
-        faint: view.chart_accuracy.absolute,
-        side_max: view.chart_tile * feature_pixels(view, chart, reflectance),
-        evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
-        tolerance: view.chart_tolerance,
+        accuracy: &view.budget.chart,
+        faint: view.budget.chart.absolute,
+        side_max: view.budget.wide_tile * edge_pixels(view, chart, reflectance),
+        evaluations_max: view.evaluations_max(wide_budget::LIMIT),
+        tolerance: view.budget.wide_rule,
         function_error,
+        shares: TILING,
     };
     let shade = ChartOffWideLobe {
         view,
@@ -100,15 +93,13 @@ fn add_anisotropic(
     reflectance: &Reflectance,
 ) -> u64 {
     let demand = Demand {
-        accuracy: &view.chart_accuracy,
-        faint: view.chart_accuracy.absolute,
-        side_max: ANISOTROPIC_TILE * feature_pixels(view, charts[0], reflectance),
-        evaluations_max: view.evaluations_max(
-            ANISOTROPIC_EVALUATIONS_PER_PIXEL,
-            ANISOTROPIC_EVALUATIONS_MIN,
-        ),
-        tolerance: view.anisotropic_tolerance,
+        accuracy: &view.budget.chart,
+        faint: view.budget.chart.absolute,
+        side_max: anisotropic_budget::TILE * edge_pixels(view, charts[0], reflectance),
+        evaluations_max: view.evaluations_max(anisotropic_budget::LIMIT),
+        tolerance: view.budget.anisotropic_rule,
         function_error,
+        shares: TILING,
     };
     let [chart, finer] =
         charts.map(|chart| AnisotropicChart::new(chart, reflectance, view.instructions));
@@ -129,10 +120,11 @@ fn whole(view: &View) -> Region {
 }
 
 /// The length in pixels of a tile at whose nodes the blurred edge of a patch shows.
-fn feature_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
+fn edge_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
     let [_, height] = chart.plane.size();
     let distance = 0.5 * (chart.plane.corner.y.abs() + height);
-    view.feature_pixels(0.0, distance, reflectance)
+    let blur = (1.0 / reflectance.lobe.n_u).sqrt();
+    edged_tile_pixels(view.slope_pixels(blur, distance))
 }
 
 /// Adds the chart off a glossy lobe; returns evaluations.
@@ -152,7 +144,7 @@ fn add_glossy(
         reflectance,
         camera: &view.camera,
         outline: &view.sample,
-        accuracy: &view.chart_accuracy,
+        accuracy: &view.budget.chart,
         key,
         instructions: view.instructions,
     };

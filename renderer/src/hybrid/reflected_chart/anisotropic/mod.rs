@@ -1,4 +1,4 @@
-//! The colour chart in a sample of a highly anisotropic lobe: see [`is_highly_anisotropic`].
+//! The colour chart in a sample of a highly anisotropic lobe: see [`LobeKind`](crate::hybrid::budget::LobeKind).
 //!
 //! In the slope plane of half vectors (p, q) (see [`slope_plane`](crate::reflectance::slope_plane)) the
 //! edges of the chart's patches are conics ([`conic`]). Along the lobe's narrow axis p the lobe is a normal density times
@@ -23,25 +23,11 @@ mod point;
 mod wide_axis;
 
 use crate::numerics::tolerance::Tolerance;
-use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 use line::add_lines;
 pub use point::AnisotropicChart;
 use point::Point;
 pub use wide_axis::Scratch;
-
-/// A lobe is highly anisotropic above this exponent along its narrow axis and above this ratio of the
-/// two exponents: rules along the lobe's axes then take fewer evaluations than those along the chart's.
-const NARROW_EXPONENT: f64 = 300.0;
-const ANISOTROPY: f64 = 20.0;
-
-/// Whether the lobe is highly anisotropic. This is the only definition.
-pub fn is_highly_anisotropic(reflectance: &Reflectance) -> bool {
-    let lobe = &reflectance.lobe;
-    reflectance.specular_share == 1.0
-        && lobe.n_u > NARROW_EXPONENT
-        && lobe.n_u > ANISOTROPY * lobe.n_v
-}
 
 impl AnisotropicChart<'_> {
     /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in units

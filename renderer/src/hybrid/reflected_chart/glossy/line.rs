@@ -323,7 +323,7 @@ mod tests {
                 reflectance: &reflectance,
                 camera: &prepared.view.camera,
                 outline: &prepared.view.sample,
-                accuracy: &prepared.view.chart_accuracy,
+                accuracy: &prepared.view.budget.chart,
                 key: 1,
                 instructions,
             };

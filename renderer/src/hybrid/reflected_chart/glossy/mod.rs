@@ -16,9 +16,12 @@ mod span;
 
 use crate::film::replicates::{REPLICATES, estimate};
 use crate::film::{FilmPixel, target};
+use crate::hybrid::budget::glossy::{
+    BAND_ROWS, CELL_SPAN, CELLS_MAX, CONTRAST, CONVERGENCE, LEFT_OUT, NORMALS_MAX,
+    NORMALS_MAX_FINEST, NORMALS_MIN, PILOT, TARGET,
+};
 use crate::numerics::batch::LANES;
 use crate::numerics::polygon::Rectangle;
-use crate::reflectance::Reflectance;
 use crate::sampler::{Dimension, Sampler};
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
@@ -26,48 +29,6 @@ pub use glossy_chart::GlossyChart;
 use line::Line;
 use rayon::prelude::*;
 use span::{Span, Spans};
-
-/// Above this exponent a lobe reflects edges about as fine as a pixel, and this method takes a quarter
-/// of the time that tiles take.
-const SHARP_EXPONENT: f64 = 1e5;
-
-/// Whether the lobe is glossy along both axes; asked only of one that is not highly anisotropic.
-pub fn is_glossy(reflectance: &Reflectance) -> bool {
-    reflectance.lobe.n_u > SHARP_EXPONENT
-}
-
-/// Rows that share a pilot.
-const BAND_ROWS: usize = 4;
-
-/// Normals that a replicate of the pilot takes. It is thrown away: to stop by the normals that are
-/// kept would bias them.
-const PILOT: usize = 4;
-
-/// The relative target to which the limits below are made: the chart's share of the preset's.
-const TARGET: f64 = 4e-4;
-
-/// The fewest normals that a replicate takes; the most to [`TARGET`] and coarser ones; and to finer
-/// ones, where it rises with the target's inverse.
-const NORMALS_MIN: usize = 4;
-const NORMALS_MAX: usize = 256;
-const NORMALS_MAX_FINEST: usize = 1024;
-
-/// Doubling the normals cuts the error by at least this power of two.
-const CONVERGENCE: f64 = 1.0;
-
-/// Fraction of a band's pixels allowed to miss the tolerance.
-const LEFT_OUT: f64 = 0.02;
-
-/// What a patch may differ from its neighbour by, in units of white: where an edge lies just beyond
-/// all of n normals, this over n may have been missed.
-const CONTRAST: f64 = 0.3;
-
-/// To [`TARGET`] a cell may span so much of the distance from the camera to the sample: edges bend on
-/// it by less than a thousandth of its side.
-const CELL_SPAN: f64 = 0.008;
-
-/// The most cells along a pixel's side.
-const CELLS_MAX: f64 = 16.0;
 
 /// Keeps the pilot's normals apart from the others.
 const PILOT_PURPOSE: u64 = 0x70_696c_6f74;

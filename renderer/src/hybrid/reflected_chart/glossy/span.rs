@@ -1,10 +1,8 @@
 //! Where on the chart all normals of a pixel lead.
 
+use crate::hybrid::budget::glossy::BEYOND;
 use crate::numerics::batch::LANES;
 use crate::scene::ChartPlane;
-
-/// How far beyond what the normals span an edge is near, as a share of it.
-const BEYOND: f64 = 0.2;
 
 /// Where on the chart, in patches from its corner, all normals of a pixel lead.
 #[derive(Clone, Copy, Debug, PartialEq)]
