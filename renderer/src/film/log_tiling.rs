@@ -21,14 +21,6 @@ use rayon::prelude::*;
 /// The largest tile to begin with, in pixels.
 const ROOT_SIDE: f64 = 64.0;
 
-/// The share of what is allowed that a tile may hold and be left out.
-const DARK_SHARE: f64 = 0.3;
-
-/// The share of the relative error allowed that the rule at a point may miss, and the one over
-/// pixels.
-const RULE_SHARE: f64 = 0.2;
-const QUADRATURE_SHARE: f64 = 0.05;
-
 /// A relative error is not asked to be less: rounding shows.
 const RELATIVE_MIN: f64 = 1e-11;
 
@@ -44,13 +36,23 @@ const SIDE_MIN: f64 = 1e-10;
 const FLAT_SIDE: f64 = 1.0 / 16.0;
 const FLAT: f64 = 0.5;
 
-/// So many tiles, side by side, make up an edge across: small tiles lie along edges, so that in a
-/// pixel there are about as many of them as its side holds, times this. Each may miss its share of
-/// what is allowed to the pixel.
-const EDGE_TILES: f64 = 8.0;
-
 /// Tiles between two looks at how much has been spent.
 const TILES_A_ROUND: usize = 1024;
+
+/// How a tiling divides what a tile may miss.
+#[derive(Clone, Copy, Debug)]
+pub struct Shares {
+    /// The share of what is allowed that a tile may hold and be left out.
+    pub dark: f64,
+    /// The share of the relative error allowed that the rule at a point may miss.
+    pub rule: f64,
+    /// The share of it that the rule over pixels may miss.
+    pub quadrature: f64,
+    /// This many tiles, side by side, make up an edge across. Small tiles lie along edges, so a pixel
+    /// holds about as many of them as its side does, times this. Each may miss its share of what is
+    /// allowed to the pixel.
+    pub edge_tiles: f64,
+}
 
 /// What a function asks of its tiling.
 pub struct Demand<'a> {
@@ -60,6 +62,8 @@ pub struct Demand<'a> {
     pub evaluations_max: u64,
     /// How fine the function is worked out.
     pub tolerance: Tolerance,
+    /// How the error allowed is divided.
+    pub shares: Shares,
     /// What pixels are summed with.
     pub instructions: Instructions,
 }
@@ -180,7 +184,7 @@ impl<S: LogShade> Tiling<'_, S> {
         }
         let allowed = self.allowed(rectangle, so_far);
         let most = self.shade.most(rectangle);
-        if most <= DARK_SHARE * allowed || exhausted {
+        if most <= self.demand.shares.dark * allowed || exhausted {
             return (Growth::Pixels(self.dark(rectangle, most)), 0);
         }
         if let Some(axis) = self.shade.edge_along(rectangle) {
@@ -201,7 +205,7 @@ impl<S: LogShade> Tiling<'_, S> {
             let fine = evaluate(middle, tolerance.finer());
             let missed = relative_difference(&coarse, &fine);
             let relative = self.relative(allowed, libm::exp(fine.log.min(LOG_MAX)));
-            if missed <= RULE_SHARE * relative || tolerance.is_finest() {
+            if missed <= self.demand.shares.rule * relative || tolerance.is_finest() {
                 break missed;
             }
             (tolerance, coarse) = (tolerance.finer(), fine);
@@ -220,7 +224,7 @@ impl<S: LogShade> Tiling<'_, S> {
             let axis = axis_to_halve(&fit, sides, relative);
             return (Growth::Halves(rectangle.halves(axis)), spent);
         };
-        let error = fit.error + missed + QUADRATURE_SHARE * relative;
+        let error = fit.error + missed + self.demand.shares.quadrature * relative;
         let mut pixels = Vec::new();
         tile.for_each_pixel(
             self.outline,
@@ -243,7 +247,7 @@ impl<S: LogShade> Tiling<'_, S> {
             // bends even less.
             let change = fit.slopes[axis] * side;
             let change = (change * change + 3.0 * fit.curvatures[axis] * side * side).sqrt();
-            points_for_change(change, 0.5 * QUADRATURE_SHARE * relative)
+            points_for_change(change, 0.5 * self.demand.shares.quadrature * relative)
         });
         Some([columns?, rows?])
     }
@@ -274,7 +278,7 @@ impl<S: LogShade> Tiling<'_, S> {
             })
             .fold(f64::INFINITY, f64::min);
         let longest = sides[0].max(sides[1]);
-        let spread = (1.0 / (EDGE_TILES * longest)).max(1.0);
+        let spread = (1.0 / (self.demand.shares.edge_tiles * longest)).max(1.0);
         (accuracy.absolute.max(accuracy.relative * least)) * spread
     }
 

@@ -18,12 +18,6 @@ use rayon::prelude::*;
 /// Terms of the series along each side of a tile.
 const TERMS: usize = 8;
 
-/// The share of what is allowed that the rule at a tile's middle may miss.
-const RULE_SHARE: f64 = 0.1;
-
-/// What a tile is off by at its corners, where it is worst, counts by this share.
-const CORNER_SHARE: f64 = 0.25;
-
 /// Tiles that are worked out between two looks at the limit on evaluations.
 const TILES_A_LOOK: usize = 32;
 
@@ -36,6 +30,15 @@ pub struct Region {
     pub outline: Polygon,
     /// By what, a channel.
     pub factor: [f64; 3],
+}
+
+/// How a tiling divides what a tile may miss.
+#[derive(Clone, Copy, Debug)]
+pub struct Shares {
+    /// The share that the rule at a tile's middle may miss.
+    pub rule: f64,
+    /// What a tile is off by at its corners, where it is worst, counts by this share.
+    pub corners: f64,
 }
 
 /// What a function asks of its tiling.
@@ -52,6 +55,8 @@ pub struct Demand<'a> {
     pub tolerance: Tolerance,
     /// What the function may be off by besides.
     pub function_error: f64,
+    /// How the error allowed is divided.
+    pub shares: Shares,
 }
 
 /// A function of the film. What it works with is kept from call to call.
@@ -333,7 +338,7 @@ impl<S: Shade> Tiling<'_, S> {
             })
             .into_iter()
             .fold(0.0, f64::max);
-        let fit_error = fit.error.max(CORNER_SHARE * off_corners);
+        let fit_error = fit.error.max(demand.shares.corners * off_corners);
         if fit_error <= allowed || effort == Effort::None {
             return (Growth::Tile(Box::new(tile), fit_error + missed), spent);
         }
@@ -383,7 +388,9 @@ impl<S: Shade> Tiling<'_, S> {
         loop {
             let missed = largest_difference(evaluate(tolerance), fine);
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            if missed <= RULE_SHARE * self.allowed(brightness, effort) || tolerance.is_finest() {
+            if missed <= self.demand.shares.rule * self.allowed(brightness, effort)
+                || tolerance.is_finest()
+            {
                 return (tolerance, missed + self.demand.function_error + light_error);
             }
             tolerance = tolerance.little_finer(check);

@@ -1,8 +1,9 @@
 //! The colour chart that the camera sees: a closed form by the bulb, and a series by interreflection.
 
+use super::budget::{TILING, reflected_chart};
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
-use super::view::{CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, View};
+use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::tolerance::Tolerance;
@@ -25,12 +26,13 @@ pub fn add(
         })
         .collect();
     let demand = Demand {
-        accuracy: &view.chart_accuracy,
-        faint: view.chart_accuracy.absolute,
+        accuracy: &view.budget.chart,
+        faint: view.budget.chart.absolute,
         side_max: f64::from(view.size[0]),
-        evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
-        tolerance: view.chart_tolerance,
+        evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
+        tolerance: view.budget.wide_rule,
         function_error: interreflection.error(),
+        shares: TILING,
     };
     let shade = ChartItself {
         view,

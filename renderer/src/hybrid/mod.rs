@@ -9,6 +9,7 @@
 //!
 //! A view that is not of this kind goes to the path tracer: see [`PreparedView::new`].
 
+mod budget;
 mod chart_itself;
 mod chart_on_film;
 mod direct;

@@ -12,6 +12,9 @@
 //! vectors that see the bulb, is an ellipse. The narrow axis of the lobe is integrated outside;
 //! the other order loses digits.
 
+use crate::hybrid::budget::direct::{
+    BENDS_SHOW, BULK_WIDTHS, SEARCH_WIDTH, SMALL_BULB, STEEP_WIDTHS,
+};
 use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::{exp, log1p};
 use crate::numerics::gauss::GaussRule;
@@ -89,9 +92,6 @@ impl Ellipse {
         [(b - root) / self.a22, (b + root) / self.a22]
     }
 }
-
-/// A bulb of at most this half width in the slope plane may be small enough for few points.
-const SMALL: f64 = 0.1;
 
 /// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
 /// its value, times c^6.
@@ -257,21 +257,8 @@ const DARK_LOG: f64 = -1e10;
 /// How many there are.
 const LEVELS: usize = 3;
 
-/// The error below which it matters where on the bulb the integrand bends.
-const BENDS_SHOW: f64 = 1e-7;
-
-/// The search for the ends of what counts stops at this part of a lobe's width.
-const SEARCH_WIDTH: f64 = 0.25;
-
 /// Points more for what multiplies the lobe: min(1, cos_i/cos_o), the tint and the Jacobian.
 const MORE_POINTS: f64 = 0.8;
-
-/// The lobe's bulk along its wide axis, to either side, in widths.
-const BULK_WIDTHS: f64 = 2.0;
-
-/// A bend that takes more than this many widths of the narrow axis to cross the lobe is smooth
-/// enough once it is integrated along the wide one.
-const STEEP_WIDTHS: f64 = 3.0;
 
 struct Cubature<'a> {
     slopes: Slopes<'a>,
@@ -316,7 +303,7 @@ impl Cubature<'_> {
             });
             above.contains(&true) && above.contains(&false)
         });
-        if radius.max(height) < SMALL && missed < self.tolerance.error() && !bends {
+        if radius.max(height) < SMALL_BULB && missed < self.tolerance.error() && !bends {
             self.add_disc(disc);
             return;
         }

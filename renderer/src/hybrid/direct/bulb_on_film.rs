@@ -4,6 +4,7 @@ use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
 use crate::film::log_tile::TintedLog;
 use crate::film::log_tiling::LogShade;
 use crate::film::tiling::Shade;
+use crate::hybrid::budget::direct::{CURVATURE_MAX, EDGE_WIDTHS};
 use crate::hybrid::view::View;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -14,13 +15,6 @@ use std::f64::consts::PI;
 /// Slopes over a rectangle lie in the box of those at its corners, widened by this many times what
 /// its middle is off the corners' mean. For a parabola it is 1.
 const CURVATURE: f64 = 2.0;
-
-/// What the middle may be off, as a share of the box: beyond it the corners say too little of what
-/// lies between them.
-const CURVATURE_MAX: f64 = 0.25;
-
-/// No series of a tile follows an edge over more than this many widths of the lobe.
-const EDGE_WIDTHS: f64 = 12.0;
 
 /// The bulb's half extent in slopes is taken this much larger than at corners and middle.
 const BULB_MARGIN: f64 = 1.1;

@@ -3,36 +3,17 @@
 mod bulb;
 mod bulb_on_film;
 
-use super::view::{BULB_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, FEATURES_PER_TILE, View};
+use super::budget::direct::{
+    FINER_PIXELS_MAX, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
+};
+use super::budget::{LOG_TILING, TILING, tile_pixels};
+use super::view::View;
 use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
 use crate::film::log_tiling;
 use crate::film::tiling::{self, Demand, Region};
-use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use bulb_on_film::BulbOffSample;
-
-/// Up to this exponent a lobe is so wide that the light itself is as smooth as its logarithm, and
-/// its integrals over pixels are closed forms.
-const ROUGH_EXPONENT: f64 = 400.0;
-
-/// A lobe narrower than this many pixels makes edges that no tile follows: where the bulb's image
-/// itself is large on the film, pixels on its edge are integrated one by one.
-const SHARP_WIDTH: f64 = 0.25;
-
-/// But neither holds where a tile of that light would be shorter than this many pixels: a coarse film's nodes
-/// could miss a feature that its logarithm cannot.
-const FEATURE_MIN: f64 = 12.0;
-
-/// Nor for such edges where a tile would be shorter than this: there the film is rendered finer. The
-/// bulb's image is then four pixels across, and nodes lie less than 1.2 pixels apart.
-const SHARP_FEATURE_MIN: f64 = 6.0;
-
-/// Where pixels are closed forms the rule at a point is the largest error: it is made so much less.
-const LINEAR_RULE_SHARE: f64 = 0.1;
-
-/// The most pixels of a finer film for such edges.
-const FINER_PIXELS_MAX: f64 = 1_048_576.0;
 
 /// Adds the bulb's light off the sample to the film; returns evaluations.
 pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
@@ -41,35 +22,32 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
     let half_angle = view.bulb.radius / distance;
     let blur2 = 1.0 / reflectance.lobe.n_u;
     let slope = (0.25 * half_angle * half_angle + blur2).sqrt();
-    let feature = FEATURES_PER_TILE * view.slope_pixels(slope, distance);
+    let feature = tile_pixels(view.slope_pixels(slope, distance));
     let width = view.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
     let is_sharp = width <= SHARP_WIDTH;
-    let is_small = feature
-        < if is_sharp {
-            SHARP_FEATURE_MIN
-        } else {
-            FEATURE_MIN
-        };
+    let is_small = feature < if is_sharp { SHARP_TILE_MIN } else { TILE_MIN };
     if let (true, true, Some(finer)) = (is_sharp, is_small, FinerView::new(view, feature)) {
         return finer.add_to(canvas, reflectance);
     }
     let is_rough = reflectance.lobe.n_u <= ROUGH_EXPONENT;
     if (!is_rough && !is_sharp) || is_small {
         let demand = log_tiling::Demand {
-            accuracy: &view.bulb_accuracy,
-            evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
-            tolerance: view.bulb_tolerance,
+            accuracy: &view.budget.bulb,
+            evaluations_max: view.evaluations_max(LIMIT),
+            tolerance: view.budget.bulb_rule,
+            shares: LOG_TILING,
             instructions: view.instructions,
         };
         return log_tiling::integrate(canvas, &view.sample, &demand, &shade);
     }
     let demand = Demand {
-        accuracy: &view.bulb_accuracy,
-        faint: view.chart_accuracy.absolute,
+        accuracy: &view.budget.bulb,
+        faint: view.budget.chart.absolute,
         side_max: feature,
-        evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, BULB_EVALUATIONS_MIN),
-        tolerance: Tolerance::new(LINEAR_RULE_SHARE * view.bulb_tolerance.error()),
+        evaluations_max: view.evaluations_max(LIMIT),
+        tolerance: view.budget.bulb_linear_rule(),
         function_error: 0.0,
+        shares: TILING,
     };
     let regions = [Region {
         outline: view.sample,
@@ -86,9 +64,9 @@ struct FinerView {
 
 impl FinerView {
     /// The same view on a film so fine that a tile of `feature` pixels is at least
-    /// [`SHARP_FEATURE_MIN`] long; `None` where this one is, or where that one would be too large.
+    /// [`SHARP_TILE_MIN`] long; `None` where this one is, or where that one would be too large.
     fn new(view: &View, feature: f64) -> Option<Self> {
-        let times = (SHARP_FEATURE_MIN / feature).ceil();
+        let times = (SHARP_TILE_MIN / feature).ceil();
         let pixels = times * times * f64::from(view.size[0]) * f64::from(view.size[1]);
         if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
             return None;

@@ -5,16 +5,11 @@
 //! points in the boxes.
 
 use super::frame::Frame;
+use crate::hybrid::budget::interreflection::{BULB_BOXES, CHART_BOXES};
 use crate::reflectance::Reflectance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_1_PI, PI};
-
-/// Boxes along each side of the sample, and across and up the chart, for the light of the bulb.
-const BULB_BOXES: [usize; 3] = [5, 4, 10];
-
-/// The same for the light of the chart, where pairs of boxes of the chart are tried.
-const CHART_BOXES: [usize; 3] = [3, 2, 8];
 
 /// Below every sum of squares that does not vanish; keeps quotients defined.
 const TINY: f64 = 1e-300;

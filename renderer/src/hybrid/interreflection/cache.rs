@@ -1,12 +1,10 @@
 //! What sample and chart send each other, kept from view to view.
 
 use super::{Interreflection, Unresolved};
+use crate::hybrid::budget::interreflection::KEPT;
 use dataset::Material;
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Interreflections that are kept: those of two materials in the preset's rotations of the sample.
-const KEPT: usize = 10;
 
 /// The last interreflections by material, rotation of the sample and elevation of the light.
 #[derive(Debug, Default)]

@@ -83,7 +83,7 @@ impl<'a> Frame<'a> {
             .map(|at| self.view.bulb_on_chart(&self.chart.plane, at))
             .into_iter()
             .fold(f64::INFINITY, f64::min);
-        let accuracy = &self.view.chart_accuracy;
+        let accuracy = &self.view.budget.chart;
         accuracy.absolute.max(accuracy.relative * least)
     }
 

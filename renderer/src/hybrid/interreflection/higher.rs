@@ -5,27 +5,16 @@
 //! on the chart to order 2, order 1 to order 3, and any order to the second next.
 
 use super::frame::Frame;
-use super::levels::{
-    EVALUATIONS_MAX, HIGHER_TERMS, LEVEL_MAX, RULE_SHARE, compared, rule_tolerance,
-};
+use super::levels::{HIGHER_TERMS, compared, rule_tolerance};
 use super::sources::{ChartPoint, chart_points};
 use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
-use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
+use super::unresolved::{Unresolved, unresolved_error};
+use crate::hybrid::budget::interreflection::{
+    CELLS, EVALUATIONS_MAX, LEVEL_MAX, RULE_SHARE, UNRESOLVED_SHARE,
+};
 use crate::numerics::channels::{add_scaled, largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Tile};
 use rayon::prelude::*;
-
-/// Cells of the chart by level: their sides over their distance from the sample, at most, and
-/// points along either side of them.
-const CELLS: [(f64, usize); LEVEL_MAX + 2] = [
-    (2.0, 1),
-    (1.0, 1),
-    (1.0, 2),
-    (0.5, 2),
-    (0.5, 3),
-    (0.5, 4),
-    (0.5, 5),
-];
 
 /// Interreflection of all orders from 2 on.
 pub struct Higher {

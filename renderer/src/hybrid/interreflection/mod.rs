@@ -26,6 +26,7 @@ mod surface;
 mod transfer;
 mod unresolved;
 
+use super::budget::interreflection::{HIGHER_SHARE, LEFT_OUT_SHARE, ORDER_1_SHARE};
 use super::chart_on_film::ChartOnFilm;
 use super::view::View;
 use crate::numerics::channels::add_scaled;
@@ -37,14 +38,6 @@ use frame::{Frame, tile_position};
 use higher::Higher;
 use levels::{HIGHER_TERMS, ORDER_1_TERMS};
 pub use unresolved::Unresolved;
-
-/// The shares of the chart's tolerance that order 1 and all higher orders may miss. The rest is
-/// left to the chart's tiles on the film.
-const ORDER_1_SHARE: f64 = 0.8;
-const HIGHER_SHARE: f64 = 0.4;
-
-/// The share of the chart's tolerance below which a bound stands for the light itself.
-const LEFT_OUT_SHARE: f64 = 0.05;
 
 /// Irradiance over pi on the chart, in units of white, by light that was off the sample before.
 #[derive(Debug)]

@@ -1,34 +1,18 @@
 //! Order 1: from the bulb off the sample to the chart.
 
 use super::frame::Frame;
-use super::levels::{
-    EVALUATIONS_MAX, LEVEL_MAX, ORDER_1_TERMS, RULE_SHARE, compared, rule_tolerance,
-};
+use super::levels::{ORDER_1_TERMS, compared, rule_tolerance};
 use super::sources::disc;
 use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
-use super::unresolved::{UNRESOLVED_SHARE, Unresolved, unresolved_error};
+use super::unresolved::{Unresolved, unresolved_error};
+use crate::hybrid::budget::interreflection::{
+    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
+    SLIVER, STEEP, UNRESOLVED_SHARE,
+};
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
 use crate::numerics::polygon::Rectangle;
 use rayon::prelude::*;
-
-/// The most rings of the cubature over the bulb, and the share of the allowed error that it may
-/// miss.
-const RINGS_MAX: usize = 8;
-const DISC_SHARE: f64 = 0.1;
-
-/// A column of the chart narrower than this share of it is no tile of its own.
-const SLIVER: f64 = 1e-6;
-
-/// A tile is halved before its rules are refined if its series leaves out so many times more than
-/// they miss.
-const SERIES_FIRST: f64 = 3.0;
-
-/// The same without a look at the rules, if it leaves out so many times what is allowed.
-const STEEP: f64 = 10.0;
-
-/// Tiles are halved no more than this often.
-const HALVINGS_MAX: u32 = 8;
 
 /// Order 1 on all of the chart.
 pub struct Order1 {

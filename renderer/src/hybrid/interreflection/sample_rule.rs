@@ -5,17 +5,12 @@
 //! at the square's corners; [`super::transfer`] integrates along each line.
 
 use super::transfer::{Along, Receiver};
+use crate::hybrid::budget::interreflection::{ROTATED_FROM, TAIL_DIGITS};
 use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
-
-/// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
-const ROTATED_FROM: f64 = 10.0;
-
-/// Digits beyond those that count at which the tail of a narrow lobe is cut.
-const TAIL_DIGITS: f64 = 1.0;
 
 /// A lobe of exponent n falls by exp(-1/2) over a slope of 1/sqrt(n), which is an angle of about
 /// twice that between the receiver's directions.

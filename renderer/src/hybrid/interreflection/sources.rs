@@ -1,11 +1,9 @@
 //! Point sources that stand for the bulb and for the chart.
 
+use crate::hybrid::budget::interreflection::DIVISIONS_MAX;
 use crate::numerics::gauss::GaussRule;
 use crate::scene::ChartPlane;
 use std::f64::consts::PI;
-
-/// The finest division of a patch: 2 to this power along either side.
-const DIVISIONS_MAX: u32 = 8;
 
 /// A cubature over the unit disc: two coordinates and a weight, the weights adding up to 1. With
 /// `rings` rings it is exact to degree 4 `rings` - 1.

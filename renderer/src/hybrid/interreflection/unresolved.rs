@@ -1,18 +1,12 @@
 //! Light that no rule over the sample resolves.
 
+use crate::hybrid::budget::interreflection::UNRESOLVED_MAX;
+
 /// Interreflection that no rule over the sample resolves: a lobe so narrow that it throws a caustic
 /// on the chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the lobe is too narrow to work out what the sample sends to the chart")]
 pub struct Unresolved;
-
-/// A rule is taken not to resolve the lobe if the next finer one moves the result by more than this
-/// share of it.
-pub const UNRESOLVED_SHARE: f64 = 0.25;
-
-/// Light that no rule resolves, but that is below this much of white at every node that was tried, is
-/// stated as an error: the path tracer's own is as large.
-pub const UNRESOLVED_MAX: f64 = 2e-3;
 
 /// The error to state for such light, twice what it and its rules' differences come to.
 ///

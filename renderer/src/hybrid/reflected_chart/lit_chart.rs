@@ -1,5 +1,6 @@
 //! The colour chart and the light on it, told patch by patch by parabolas.
 
+use crate::hybrid::budget::reflected_chart::PATCHES_MAX;
 use crate::hybrid::chart_on_film::ChartOnFilm;
 use crate::scene::ChartPlane;
 
@@ -22,9 +23,6 @@ pub type PatchLight = [[[f64; 3]; LIGHT_NODES]; LIGHT_NODES];
 
 /// Points along a patch's side at which its light is known; a parabola goes through them.
 pub const LIGHT_NODES: usize = 3;
-
-/// The most patches that a chart is parted into where its light bends.
-const PATCHES_MAX: u32 = 4096;
 
 /// Where a parabola through 0, 1/2 and 1 misses most of a cubic: at (1 -+ 1/sqrt(3))/2.
 const PROBES: [[f64; 2]; 4] = {

@@ -6,12 +6,12 @@ pub mod lit_chart;
 mod wide;
 mod window;
 
+use super::budget::{
+    TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, reflected_chart,
+};
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
-use super::view::{
-    CHART_EVALUATIONS_MIN, EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN,
-    GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_TILE, View,
-};
+use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
@@ -20,9 +20,6 @@ use crate::reflectance::Reflectance;
 use glossy::GlossyChart;
 use lit_chart::LitChart;
 use wide::ChartOffWideLobe;
-
-/// The chart's reflection is at least so much of white where its relative target counts.
-const FAINT_CHART: f64 = 0.1;
 
 /// Adds the chart in the sample to the film; returns evaluations.
 pub fn add(
@@ -34,9 +31,7 @@ pub fn add(
 ) -> u64 {
     // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
     // of it, and its part shows in `light_error`.
-    let least = view.chart_accuracy.absolute;
-    let allowed = least.max(view.chart_accuracy.relative * FAINT_CHART);
-    let parts = LitChart::parts(chart, allowed, |at| {
+    let parts = LitChart::parts(chart, view.budget.parabolas(), |at| {
         [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
@@ -47,7 +42,7 @@ pub fn add(
     };
     let lit = LitChart::new(chart, parts, irradiance);
     let finer = LitChart::new(chart, 2 * parts, irradiance);
-    let add = if glossy::is_glossy(reflectance) {
+    let add = if is_glossy(reflectance) {
         add_glossy
     } else {
         add_wide
@@ -66,12 +61,13 @@ fn add_wide(
     reflectance: &Reflectance,
 ) -> u64 {
     let demand = Demand {
-        accuracy: &view.chart_accuracy,
-        faint: view.chart_accuracy.absolute,
-        side_max: view.chart_tile * feature_pixels(view, chart, reflectance),
-        evaluations_max: view.evaluations_max(EVALUATIONS_PER_PIXEL, CHART_EVALUATIONS_MIN),
-        tolerance: view.chart_tolerance,
+        accuracy: &view.budget.chart,
+        faint: view.budget.chart.absolute,
+        side_max: view.budget.wide_tile * edge_pixels(view, chart, reflectance),
+        evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
+        tolerance: view.budget.wide_rule,
         function_error,
+        shares: TILING,
     };
     let shade = ChartOffWideLobe {
         view,
@@ -91,12 +87,13 @@ fn add_glossy(
     reflectance: &Reflectance,
 ) -> u64 {
     let demand = Demand {
-        accuracy: &view.chart_accuracy,
-        faint: view.chart_accuracy.absolute,
-        side_max: GLOSSY_TILE * feature_pixels(view, charts[0], reflectance),
-        evaluations_max: view.evaluations_max(GLOSSY_EVALUATIONS_PER_PIXEL, GLOSSY_EVALUATIONS_MIN),
-        tolerance: view.glossy_tolerance,
+        accuracy: &view.budget.chart,
+        faint: view.budget.chart.absolute,
+        side_max: glossy_budget::TILE * edge_pixels(view, charts[0], reflectance),
+        evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
+        tolerance: view.budget.glossy_rule,
         function_error,
+        shares: TILING,
     };
     let [chart, finer] =
         charts.map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
@@ -117,10 +114,11 @@ fn whole(view: &View) -> Region {
 }
 
 /// The length in pixels of a tile at whose nodes the blurred edge of a patch shows.
-fn feature_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
+fn edge_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
     let [_, height] = chart.plane.size();
     let distance = 0.5 * (chart.plane.corner.y.abs() + height);
-    view.feature_pixels(0.0, distance, reflectance)
+    let blur = (1.0 / reflectance.lobe.n_u).sqrt();
+    edged_tile_pixels(view.slope_pixels(blur, distance))
 }
 
 /// The chart off a glossy lobe.

@@ -1,17 +1,12 @@
 //! The directions that a lobe reaches.
 
+use crate::hybrid::budget::wide::{TAIL_DIGITS, WINDOW_REACH_MAX};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::reflectance::slope_plane::Slopes;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
-
-/// Digits beyond those that count at which the lobe's tail is cut.
-const TAIL_DIGITS: f64 = 1.0;
-
-/// Lobes that reach farther in the slope plane than this have no window.
-const WINDOW_REACH_MAX: f64 = 1.2;
 
 /// Points along each side of a lobe's reach at which the window is measured.
 const BOUNDARY_STEPS: u32 = 4;

@@ -7,6 +7,7 @@
 use super::conic::Quadratics;
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::{LIGHT_CHANNELS, Point};
+use crate::hybrid::budget::glossy::SPAN_MIN;
 use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::{exp, log1p};
@@ -86,10 +87,6 @@ const PARTS: usize = 4;
 const HIGH: usize = 0;
 const LOW: usize = 1;
 const BEYOND: usize = 2;
-
-/// The points of a line are not drawn together to less than this, in widths to either side: the
-/// moments would lose their digits.
-const SPAN_MIN: f64 = 0.5;
 
 /// What the lines show of the chart.
 struct Seen<const N: usize> {

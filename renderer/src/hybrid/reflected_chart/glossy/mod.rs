@@ -1,4 +1,4 @@
-//! The colour chart in a sample of a glossy lobe: see [`is_glossy`].
+//! The colour chart in a sample of a glossy lobe: see [`is_glossy`](crate::hybrid::budget::is_glossy).
 //!
 //! In the slope plane of half vectors (p, q) (see [`slope_plane`](crate::reflectance::slope_plane))
 //! the edges of the chart's patches are conics ([`conic`]). Along the lobe's narrower axis p the lobe
@@ -24,22 +24,11 @@ mod point;
 mod wide_axis;
 
 use crate::numerics::tolerance::Tolerance;
-use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 use line::add_lines;
 pub use point::GlossyChart;
 use point::Point;
 pub use wide_axis::Scratch;
-
-/// Above this exponent along its narrower axis a lobe is glossy: rules along the lobe's axes then take
-/// less time than those along the chart's, three to one at 1,000 and one to two at 100 (measured on
-/// 24 materials of the preset).
-const GLOSSY_EXPONENT: f64 = 300.0;
-
-/// Whether the lobe is glossy. This is the only definition.
-pub fn is_glossy(reflectance: &Reflectance) -> bool {
-    reflectance.specular_share == 1.0 && reflectance.lobe.n_u > GLOSSY_EXPONENT
-}
 
 impl GlossyChart<'_> {
     /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in units

@@ -3,21 +3,13 @@
 use super::branches::Branches;
 use super::conic::Conic;
 use super::moments::Order;
+use crate::hybrid::budget::glossy::{CORNERS_MAX, PARABOLA_EXPONENT, TAIL_DIGITS};
 use crate::hybrid::reflected_chart::lit_chart::{LIGHT_NODES, LitChart};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-
-/// Digits beyond those that count at which the lobe's tail is cut.
-pub const TAIL_DIGITS: f64 = 0.5;
-
-/// Above this exponent what multiplies the lobe is a parabola over it to five digits.
-const PARABOLA_EXPONENT: f64 = 3e4;
-
-/// The most corners that are looked at: those of 64 by 64 patches.
-const CORNERS_MAX: usize = 4_225;
 
 /// Three channels and one that is 0.
 pub const LIGHT_CHANNELS: usize = 4;

@@ -3,18 +3,10 @@
 
 use super::conic::Conic;
 use super::line::{Cuts, Lines};
-use super::point::{Point, TAIL_DIGITS};
+use super::point::Point;
+use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP, TAIL_DIGITS};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::tolerance::Tolerance;
-
-/// Widths from the middle of an edge's passage through the lobe at which it is over.
-const PASSAGE: f64 = 3.5;
-
-/// A corner of a patch shows as a kink where the lobe has fallen by so many digits less than count.
-const CORNER_DIGITS: f64 = 2.0;
-
-/// A passage shorter than this share of the lobe's wide width is a step.
-const STEP: f64 = 1e-4;
 
 /// Buffers.
 #[derive(Default)]

@@ -1,0 +1,388 @@
+//! Every share of the tolerance, every regime and every limit on work of the hybrid integrator.
+//!
+//! The specification asks for an accuracy. Its *target* is the error that it allows a pixel of value
+//! one. Each constant here says what it is a share of and why it has its value: derived, measured, or
+//! chosen. *Chosen* means that no derivation or measurement is on record; tests of the stated errors
+//! (`tests/hybrid.rs`, `tests/scenes/`) hold with it.
+//!
+//! How a pixel's target is divided, as shares of it:
+//!
+//! ```text
+//! bulb                                         0.1
+//! chart, seen straight or in the sample        0.4      of which
+//!     its tiles                                1.0
+//!     interreflection, order 1                 0.8
+//!     interreflection, all higher orders       0.4
+//! sum                                          0.1 + 0.4 (1.0 + 0.8 + 0.4) = 0.98
+//! ```
+//!
+//! What the rule at a point misses comes on top, at most [`TILING`]'s `rule` of a tile's share; so does
+//! what an error of order 1 becomes in the higher orders.
+
+use crate::film::{log_tiling, tiling};
+use crate::numerics::tolerance::Tolerance;
+use crate::reflectance::Reflectance;
+use dataset::specification::Accuracy;
+
+/// The target of the preset. Limits on work are made for it.
+const PRESET_TARGET: f64 = 1e-3;
+
+/// From this target on coarse rules suffice: [`wide::RULE_SHARE`] and [`wide::TILE`] have looser
+/// values. Measured: a third of the work, and the stated errors still hold.
+const COARSE_TARGET: f64 = 1e-2;
+
+/// The share of the target that the bulb's light may miss. Chosen: this light costs next to nothing.
+const BULB_SHARE: f64 = 0.1;
+
+/// The share of the target that the chart's light may miss. Chosen: with it the sum above is below 1.
+const CHART_SHARE: f64 = 0.4;
+
+const _: () = assert!(
+    BULB_SHARE
+        + CHART_SHARE * (1.0 + interreflection::ORDER_1_SHARE + interreflection::HIGHER_SHARE)
+        <= 1.0,
+    "the parts of a pixel may not miss more than its target"
+);
+
+/// The bulb's absolute tolerance, as a share of [`BULB_SHARE`]. Chosen: with it even pixels far below
+/// white are right to a fraction of the relative tolerance.
+const BULB_FAINT: f64 = 1e-4;
+
+/// A tile is as long as this many features of the function on it. Chosen.
+const FEATURES_PER_TILE: f64 = 3.0;
+
+/// The least length of a feature's tile in pixels. Chosen.
+const FEATURE_MIN: f64 = 4.0;
+
+/// How [`tiling`] divides what a tile may miss. Chosen.
+pub const TILING: tiling::Shares = tiling::Shares {
+    rule: 0.1,
+    corners: 0.25,
+};
+
+/// How [`log_tiling`] divides what a tile may miss. Chosen.
+pub const LOG_TILING: log_tiling::Shares = log_tiling::Shares {
+    dark: 0.3,
+    rule: 0.2,
+    quadrature: 0.05,
+    edge_tiles: 8.0,
+};
+
+/// A limit on evaluations for a part of a view. Nothing is refined beyond it.
+#[derive(Clone, Copy, Debug)]
+pub struct Limit {
+    /// For each pixel of the film.
+    per_pixel: u64,
+    /// On small films.
+    least: u64,
+}
+
+/// The tolerances of a view's parts.
+#[derive(Clone, Debug)]
+pub struct Budget {
+    target: f64,
+    /// What the bulb's light may miss.
+    pub bulb: Accuracy,
+    /// The rule over the bulb where a tile holds the light's logarithm.
+    pub bulb_rule: Tolerance,
+    /// What the chart's light may miss, seen straight and in the sample.
+    pub chart: Accuracy,
+    /// The rule over the chart off a wide lobe.
+    pub wide_rule: Tolerance,
+    /// How many features long the tiles of the chart off a wide lobe are: see [`wide::TILE`].
+    pub wide_tile: f64,
+    /// The rule over a glossy lobe.
+    pub glossy_rule: Tolerance,
+}
+
+impl Budget {
+    /// The tolerances for an accuracy.
+    pub fn new(accuracy: &Accuracy) -> Self {
+        let target = accuracy.relative.max(accuracy.absolute);
+        let (wide_share, wide_tile) = if target < COARSE_TARGET {
+            (wide::RULE_SHARE, wide::TILE)
+        } else {
+            (wide::RULE_SHARE_COARSE, wide::TILE_COARSE)
+        };
+        Self {
+            target,
+            bulb: Accuracy {
+                absolute: BULB_SHARE * BULB_FAINT * accuracy.absolute,
+                relative: BULB_SHARE * accuracy.relative,
+            },
+            bulb_rule: Tolerance::new(direct::RULE_SHARE * target),
+            chart: Accuracy {
+                absolute: CHART_SHARE * accuracy.absolute,
+                relative: CHART_SHARE * accuracy.relative,
+            },
+            wide_rule: Tolerance::new(wide_share * target),
+            wide_tile,
+            glossy_rule: Tolerance::new(glossy::RULE_SHARE * target),
+        }
+    }
+
+    /// The rule over the bulb where a tile holds the light itself.
+    pub fn bulb_linear_rule(&self) -> Tolerance {
+        Tolerance::new(direct::LINEAR_RULE_SHARE * self.bulb_rule.error())
+    }
+
+    /// The error allowed to the parabolas by which the chart's light is told to the sample.
+    pub fn parabolas(&self) -> f64 {
+        let least = self.chart.absolute;
+        least.max(self.chart.relative * reflected_chart::FAINT)
+    }
+
+    /// The limit on evaluations for a film of this size. It rises with the root of the inverse of a
+    /// target below [`PRESET_TARGET`].
+    pub fn evaluations_max(&self, limit: Limit, size: [u32; 2]) -> u64 {
+        let [width, height] = size.map(u64::from);
+        let finer = (PRESET_TARGET / self.target).max(1.0).sqrt();
+        (finer * limit.least.max(limit.per_pixel * width * height) as f64) as u64
+    }
+}
+
+/// The length in pixels of a tile, for a feature of this length.
+pub fn tile_pixels(feature_pixels: f64) -> f64 {
+    FEATURES_PER_TILE * feature_pixels
+}
+
+/// The same, and long enough for a tile of a function with edges.
+pub fn edged_tile_pixels(feature_pixels: f64) -> f64 {
+    tile_pixels(feature_pixels).max(FEATURE_MIN)
+}
+
+/// Whether a material's lobe is glossy. This is the only definition of the word.
+pub fn is_glossy(reflectance: &Reflectance) -> bool {
+    reflectance.specular_share == 1.0 && reflectance.lobe.n_u > glossy::EXPONENT
+}
+
+/// The bulb's light off the sample.
+pub mod direct {
+    use super::Limit;
+
+    /// The share of the target that the rule over the bulb may miss. Chosen.
+    pub(super) const RULE_SHARE: f64 = 1e-2;
+
+    /// The rule's share of [`RULE_SHARE`] where pixels are closed forms. Chosen: there the rule at a
+    /// point is the largest error.
+    pub(super) const LINEAR_RULE_SHARE: f64 = 0.1;
+
+    /// About a second of a core at 128 x 128 (measured).
+    pub const LIMIT: Limit = Limit {
+        per_pixel: 1_200,
+        least: 20_000_000,
+    };
+
+    /// Up to this exponent a lobe is rough: the light itself is as smooth as its logarithm, and its
+    /// integrals over pixels are closed forms. Chosen.
+    pub const ROUGH_EXPONENT: f64 = 400.0;
+
+    /// A lobe narrower than this many pixels is sharp. It makes edges that no tile follows: where the
+    /// bulb's image itself is large on the film, pixels on its edge are integrated one by one. Chosen.
+    pub const SHARP_WIDTH: f64 = 0.25;
+
+    /// Neither holds where a tile of the light itself is shorter than this many pixels: a coarse
+    /// film's nodes could miss a feature that its logarithm cannot. Chosen.
+    pub const TILE_MIN: f64 = 12.0;
+
+    /// The same for a sharp lobe: where a tile is shorter, the film is rendered finer. Derived: the
+    /// bulb's image is then four pixels across (a tile spans three of its half widths), and of eight
+    /// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile, 1.2 pixels.
+    pub const SHARP_TILE_MIN: f64 = 6.0;
+
+    /// The most pixels of that finer film: 2^20. Chosen.
+    pub const FINER_PIXELS_MAX: f64 = 1_048_576.0;
+
+    /// A bulb of at most this half width in the slope plane may be small enough for the seven points of
+    /// Radon's rule. Chosen.
+    pub const SMALL_BULB: f64 = 0.1;
+
+    /// The tolerance below which it matters where on the bulb the integrand bends. Chosen.
+    pub const BENDS_SHOW: f64 = 1e-7;
+
+    /// The search for the ends of what counts stops at this part of a lobe's width. Chosen.
+    pub const SEARCH_WIDTH: f64 = 0.25;
+
+    /// The lobe's bulk along its wide axis, to either side, in widths. Chosen: it holds 95 percent of
+    /// a normal density.
+    pub const BULK_WIDTHS: f64 = 2.0;
+
+    /// A bend that takes more than this many widths of the narrow axis to cross the lobe is smooth
+    /// enough once it is integrated along the wide one. Chosen.
+    pub const STEEP_WIDTHS: f64 = 3.0;
+
+    /// What the middle of a rectangle's slopes may be off its corners' mean, as a share of their box:
+    /// beyond it the corners say too little of what lies between them. Chosen.
+    pub const CURVATURE_MAX: f64 = 0.25;
+
+    /// No series of a tile follows an edge over more than this many widths of the lobe. Chosen.
+    pub const EDGE_WIDTHS: f64 = 12.0;
+}
+
+/// The chart as the camera sees it straight, and what all kinds of lobes share.
+pub mod reflected_chart {
+    use super::Limit;
+
+    /// Each evaluation takes longer than one of the bulb's: a tenth of the bulb's limit on small films.
+    pub const LIMIT: Limit = Limit {
+        per_pixel: 1_200,
+        least: 2_000_000,
+    };
+
+    /// The chart's reflection is at least this much of white where its relative tolerance counts.
+    /// Chosen.
+    pub(super) const FAINT: f64 = 0.1;
+
+    /// The most patches that a chart is parted into where its light bends. A limit on work. Chosen.
+    pub const PATCHES_MAX: u32 = 4096;
+}
+
+/// The chart off a wide lobe.
+pub mod wide {
+    /// The share of the target that the rule over the chart may miss. Chosen.
+    pub(super) const RULE_SHARE: f64 = 0.01;
+
+    /// Tiles are this many times longer than a feature asks for. Chosen: their nodes are dense at
+    /// their ends.
+    pub(super) const TILE: f64 = 2.0;
+
+    /// The same two from [`super::COARSE_TARGET`] on.
+    pub(super) const RULE_SHARE_COARSE: f64 = 0.1;
+    pub(super) const TILE_COARSE: f64 = 3.0;
+
+    /// Digits beyond those that count at which the lobe's tail is cut. Chosen.
+    pub const TAIL_DIGITS: f64 = 1.0;
+
+    /// Lobes that reach farther in the slope plane than this have no window. Chosen.
+    pub const WINDOW_REACH_MAX: f64 = 1.2;
+}
+
+/// The chart off a glossy lobe.
+pub mod glossy {
+    use super::Limit;
+
+    /// Above this exponent along its narrower axis a lobe is glossy. Measured on 24 materials of the
+    /// preset: from about 300 on rules along the lobe's axes take half the time of those along the
+    /// chart's, and at 100 twice as much.
+    pub(super) const EXPONENT: f64 = 300.0;
+
+    /// The share of the target that the rule may miss. Chosen: the integral is smooth but where an edge
+    /// of a patch runs along the lobe's wide axis.
+    pub(super) const RULE_SHARE: f64 = 0.05;
+
+    /// Tiles are this many times longer than a feature asks for. Chosen, for the same reason.
+    pub const TILE: f64 = 6.0;
+
+    /// About a second of a core at 128 x 128 (measured).
+    pub const LIMIT: Limit = Limit {
+        per_pixel: 800,
+        least: 5_000_000,
+    };
+
+    /// Digits beyond those that count at which the lobe's tail is cut. Chosen.
+    pub const TAIL_DIGITS: f64 = 0.5;
+
+    /// Above this exponent what multiplies the lobe is a parabola over it to five digits.
+    pub const PARABOLA_EXPONENT: f64 = 3e4;
+
+    /// The most corners of patches that are looked at: those of 64 by 64 patches. A limit on work.
+    pub const CORNERS_MAX: usize = 4_225;
+
+    /// The points of a line are not drawn together to less than this, in widths to either side: the
+    /// moments would lose their digits. At the lobe's end, five widths out, they keep nine.
+    pub const SPAN_MIN: f64 = 0.5;
+
+    /// Widths from the middle of an edge's passage through the lobe at which it is over. Chosen.
+    pub const PASSAGE: f64 = 3.5;
+
+    /// A passage shorter than this share of the lobe's wide width is a step. Chosen.
+    pub const STEP: f64 = 1e-4;
+
+    /// A corner of a patch shows as a kink where the lobe has fallen by this many digits less than
+    /// count. Chosen.
+    pub const CORNER_DIGITS: f64 = 2.0;
+}
+
+/// Interreflection. Shares are of the chart's tolerance.
+pub mod interreflection {
+    /// What order 1 and all higher orders may miss. Chosen: the rest of the target is left to the
+    /// chart's tiles on the film.
+    pub const ORDER_1_SHARE: f64 = 0.8;
+    pub const HIGHER_SHARE: f64 = 0.4;
+
+    /// The share below which a bound stands for the light itself. Chosen.
+    pub const LEFT_OUT_SHARE: f64 = 0.05;
+
+    /// Of an error that is allowed, the share that the rules over the sample may miss; the rest is left
+    /// to the series. Chosen.
+    pub const RULE_SHARE: f64 = 0.4;
+
+    /// Of an error that is allowed, the share that the cubature over the bulb may miss. Chosen.
+    pub const DISC_SHARE: f64 = 0.1;
+
+    /// The most rings of that cubature. A limit on work. Chosen.
+    pub const RINGS_MAX: usize = 8;
+
+    /// Decimal digits of the rules over the sample, from coarse to fine. The finest is only for
+    /// comparison. Chosen.
+    pub const DIGITS: [f64; 7] = [2.0, 2.7, 3.5, 4.5, 6.0, 8.0, 10.0];
+
+    /// The levels of [`DIGITS`] that have a finer one to compare with.
+    pub const LEVEL_MAX: usize = DIGITS.len() - 2;
+
+    /// Cells of the chart by level: their sides over their distance from the sample, at most, and
+    /// points along either side of them. Chosen.
+    pub const CELLS: [(f64, usize); LEVEL_MAX + 2] = [
+        (2.0, 1),
+        (1.0, 1),
+        (1.0, 2),
+        (0.5, 2),
+        (0.5, 3),
+        (0.5, 4),
+        (0.5, 5),
+    ];
+
+    /// The finest division of a patch: 2 to this power along either side. A limit on work. Chosen.
+    pub const DIVISIONS_MAX: u32 = 8;
+
+    /// Evaluations of the reflectance for order 1, and for the higher ones: about a tenth of a second
+    /// (measured).
+    pub const EVALUATIONS_MAX: u64 = 6_000_000;
+
+    /// A rule is taken not to resolve the lobe if the next finer one moves the result by more than this
+    /// share of it. Chosen.
+    pub const UNRESOLVED_SHARE: f64 = 0.25;
+
+    /// Light that no rule resolves, but that is below this much of white at every node that was tried,
+    /// is stated as an error: the path tracer's own is as large.
+    pub const UNRESOLVED_MAX: f64 = 2e-3;
+
+    /// A column of the chart narrower than this share of it is no tile of its own. Chosen.
+    pub const SLIVER: f64 = 1e-6;
+
+    /// A tile is halved before its rules are refined if its series leaves out this many times more than
+    /// they miss. Chosen.
+    pub const SERIES_FIRST: f64 = 3.0;
+
+    /// The same without a look at the rules, if it leaves out this many times what is allowed. Chosen.
+    pub const STEEP: f64 = 10.0;
+
+    /// Tiles are halved no more than this often. A limit on work. Chosen.
+    pub const HALVINGS_MAX: u32 = 8;
+
+    /// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
+    pub const ROTATED_FROM: f64 = 10.0;
+
+    /// Digits beyond those that count at which the tail of a narrow lobe is cut. Chosen.
+    pub const TAIL_DIGITS: f64 = 1.0;
+
+    /// Boxes along each side of the sample, and across and up the chart, by which the light of the bulb
+    /// is bounded. A limit on work. Chosen.
+    pub const BULB_BOXES: [usize; 3] = [5, 4, 10];
+
+    /// The same for the light of the chart, where pairs of boxes of the chart are tried.
+    pub const CHART_BOXES: [usize; 3] = [3, 2, 8];
+
+    /// Interreflections that are kept: those of two materials in the preset's rotations of the sample.
+    pub const KEPT: usize = 10;
+}
