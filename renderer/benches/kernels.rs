@@ -93,10 +93,10 @@ fn cubature(criterion: &mut Criterion) {
         let prepared =
             PreparedView::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&case.material, 0.0, Tint::Hue);
-        let (_, evaluations, _) = prepared.render(&reflectance, None, 0).expect("resolved");
+        let (_, evaluations, _) = prepared.render(&reflectance, None).expect("resolved");
         group.throughput(Throughput::Elements(evaluations));
         group.bench_function(BenchmarkId::new("pixel", name), |bencher| {
-            bencher.iter(|| prepared.render(black_box(&reflectance), None, 0));
+            bencher.iter(|| prepared.render(black_box(&reflectance), None));
         });
     }
     group.finish();

@@ -69,9 +69,7 @@ fn render(request: &Request) -> Result<Answer, Box<dyn Error>> {
     for repetition in 0..request.repetitions {
         let begin = cpu_seconds();
         let reflectance = Reflectance::new(&request.material, rotation_deg, specification.tint);
-        // Renderings of different accuracies draw independently.
-        let key = request.relative.to_bits() ^ u64::from(repetition);
-        let (film, ..) = prepared.render(&reflectance, None, key).expect("resolved");
+        let (film, ..) = prepared.render(&reflectance, None).expect("resolved");
         answer.cpu_seconds.push(cpu_seconds() - begin);
         if repetition == 0 {
             answer.stated_error = film.statistics(&specification.accuracy, 0, 0).mean;

@@ -164,7 +164,7 @@ impl Renderer {
         let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
         let angles_deg = [rotation_deg, view_specification.light_elevation_deg];
         let worked_out = view_to_render.prepared.as_ref().and_then(|prepared| {
-            self.work_out(prepared, material, &reflectance, angles_deg, key)
+            self.work_out(prepared, material, &reflectance, angles_deg)
                 .ok()
         });
         let integrator = match worked_out {
@@ -204,7 +204,6 @@ impl Renderer {
         material: &Material,
         reflectance: &Reflectance,
         angles_deg: [f64; 2],
-        key: u64,
     ) -> Result<(Film, u64, u64, Vec<PhaseTime>), Unresolved> {
         let mut phases = Vec::new();
         let interreflection = timed(&mut phases, "interreflection", || {
@@ -214,7 +213,7 @@ impl Renderer {
         })
         .transpose()?;
         let (film, evaluations, others) =
-            prepared.render(reflectance, interreflection.as_deref(), key)?;
+            prepared.render(reflectance, interreflection.as_deref())?;
         phases.extend(others);
         Ok((film, 0, evaluations, phases))
     }

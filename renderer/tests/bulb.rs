@@ -156,7 +156,7 @@ impl Case {
         let prepared =
             PreparedView::new(&scene, &specification).expect("a view that can be worked out");
         let reflectance = Reflectance::new(&material, 0.0, specification.tint);
-        let (film, ..) = prepared.render(&reflectance, None, 0).expect("resolved");
+        let (film, ..) = prepared.render(&reflectance, None).expect("resolved");
         (specification, film)
     }
 }

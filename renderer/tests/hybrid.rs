@@ -49,7 +49,7 @@ fn reference_pixels_are_met() {
             }];
             let (_, prepared) = scene_and_stage(&specification, 0);
             let reflectance = Reflectance::new(&case.material, case.rotation_deg, case.tint);
-            let (film, ..) = prepared.render(&reflectance, None, 0).expect("resolved");
+            let (film, ..) = prepared.render(&reflectance, None).expect("resolved");
             let pixel = film.pixels[(case.row * film.width + case.column) as usize];
             for (found, expected) in pixel.value.into_iter().zip(case.value) {
                 assert!(
@@ -138,7 +138,7 @@ fn the_hybrid_integrator_agrees_with_the_path_tracer() {
         for HardCase { name, material, .. } in HARD_CASES {
             let rotation_deg = specification.views[view].rotation_deg;
             let reflectance = Reflectance::new(&material, rotation_deg, Tint::Hue);
-            let (film, ..) = prepared.render(&reflectance, None, 7).expect("resolved");
+            let (film, ..) = prepared.render(&reflectance, None).expect("resolved");
             let traced = trace(&scene, &reflectance, &film);
             let brightest = traced
                 .iter()
@@ -202,11 +202,9 @@ fn stated_errors_hold_against_a_finer_rendering() {
             .into_par_iter()
             .map(|HardCase { name, material, .. }| {
                 let reflectance = Reflectance::new(&material, described.rotation_deg, Tint::Hue);
-                let (reference, ..) = finer.render(&reflectance, None, 2).expect("resolved");
+                let (reference, ..) = finer.render(&reflectance, None).expect("resolved");
                 std::array::from_fn(|index| {
-                    let (film, ..) = views[index]
-                        .render(&reflectance, None, 1)
-                        .expect("resolved");
+                    let (film, ..) = views[index].render(&reflectance, None).expect("resolved");
                     let accuracy = &tried[index].accuracy;
                     let mut counts = [0; 3];
                     for (pixel, reference) in film.pixels.iter().zip(&reference.pixels) {
@@ -285,9 +283,7 @@ fn no_pixel_of_a_million_is_out_of_range() {
             let mut pixels = 0;
             for (prepared, view) in views.iter().zip(&specification.views) {
                 let reflectance = Reflectance::new(&material, view.rotation_deg, Tint::Hue);
-                let (film, ..) = prepared
-                    .render(&reflectance, None, u64::from(index))
-                    .expect("resolved");
+                let (film, ..) = prepared.render(&reflectance, None).expect("resolved");
                 for pixel in &film.pixels {
                     let valid = |value: f64| value.is_finite() && value >= 0.0;
                     assert!(

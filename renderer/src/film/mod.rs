@@ -4,7 +4,6 @@ pub(crate) mod canvas;
 pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 mod pixel;
-pub(crate) mod replicates;
 pub(crate) mod tiling;
 
 use dataset::{ErrorStatistics, specification::Accuracy};

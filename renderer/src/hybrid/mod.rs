@@ -80,7 +80,7 @@ impl PreparedView {
 
     /// Renders the view, counts evaluations of the reflectance, and times the phases.
     /// `interreflection` is that of [`PreparedView::interreflection`]; if it is not at hand it is worked
-    /// out as a phase. `key` names the image, for what is sampled.
+    /// out as a phase.
     ///
     /// # Errors
     /// Those of [`PreparedView::interreflection`].
@@ -88,7 +88,6 @@ impl PreparedView {
         &self,
         reflectance: &Reflectance,
         interreflection: Option<&Interreflection>,
-        key: u64,
     ) -> Result<(Film, u64, Vec<PhaseTime>), Unresolved> {
         let [width, height] = self.view.size;
         let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
@@ -123,7 +122,6 @@ impl PreparedView {
                         chart,
                         interreflection,
                         reflectance,
-                        key,
                     )
                 });
             }

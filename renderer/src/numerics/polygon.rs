@@ -114,13 +114,6 @@ impl Polygon {
         polygon
     }
 
-    /// From a rectangle.
-    pub fn rectangle(rectangle: &Rectangle) -> Self {
-        let mut corners = [[0.0; 2]; CORNERS_MAX];
-        corners[..4].copy_from_slice(&rectangle.corners());
-        Self { corners, count: 4 }
-    }
-
     /// Its corners.
     pub fn corners(&self) -> &[[f64; 2]] {
         &self.corners[..self.count]

@@ -8,7 +8,9 @@
 //! percent.
 
 use crate::film::FilmPixel;
-use crate::film::replicates::REPLICATES;
+
+/// Independent scrambles of the sampling points; their spread measures the error.
+pub const REPLICATES: u32 = 8;
 
 /// The 0.985 quantile of Student's t with `REPLICATES - 1` degrees of freedom: 97 percent a channel
 /// are 95 percent or more of all three, which are correlated and never exactly normal.

@@ -18,7 +18,6 @@ mod glint;
 mod interval;
 
 use crate::bsdf::Bsdf;
-use crate::film::replicates::REPLICATES;
 use crate::film::{Film, FilmPixel};
 use crate::geometry::{PrimitiveId, Ray, Rectangle};
 use crate::reflectance::Reflectance;
@@ -29,6 +28,7 @@ use crate::warp::Cone;
 use dataset::Specification;
 use footprint::{Area, Outline};
 use glint::Window;
+use interval::REPLICATES;
 use rayon::prelude::*;
 
 /// Traces paths over the film; also returns how many. `key` names the image.

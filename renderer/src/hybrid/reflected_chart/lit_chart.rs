@@ -7,8 +7,10 @@ use crate::scene::ChartPlane;
 /// The chart with its patches and their light.
 #[derive(Clone, Debug)]
 pub struct LitChart {
-    /// The chart.
+    /// The chart, parted.
     pub plane: ChartPlane,
+    /// Into how many parts each side of a patch is cut: below, "patch" is such a part.
+    pub parts: u32,
     /// Reflectance times what `light` gives is a patch's radiance.
     pub patches: Vec<[f64; 3]>,
     /// Irradiance over pi, in units of white, at `LIGHT_NODES` by `LIGHT_NODES` equidistant points
@@ -34,18 +36,18 @@ const MISSED_MARGIN: f64 = 1.5;
 
 impl LitChart {
     /// Into how many parts a patch's side has to be cut for the parabolas of [`LitChart::new`] to
-    /// tell radiance to `allowed`, and what they then miss of it.
+    /// tell radiance to `allowed`.
     pub fn parts(
         chart: &ChartOnFilm,
         allowed: f64,
         irradiance: impl Fn([f64; 2]) -> [f64; 3],
-    ) -> (u32, f64) {
+    ) -> u32 {
         let mut parts = 1;
         loop {
             let missed = Self::new(chart, parts, &irradiance).missed(&irradiance);
             let more = (2 * parts) * (2 * parts) * chart.patches.len() as u32;
             if missed <= allowed || more > PATCHES_MAX {
-                return (parts, missed);
+                return parts;
             }
             parts *= 2;
         }
@@ -70,9 +72,19 @@ impl LitChart {
         }
         Self {
             plane,
+            parts,
             patches,
             light,
         }
+    }
+
+    /// The chart in whole patches.
+    pub fn whole_plane(&self) -> ChartPlane {
+        let mut plane = self.plane;
+        plane.pitch *= f64::from(self.parts);
+        plane.columns /= self.parts;
+        plane.rows /= self.parts;
+        plane
     }
 
     /// A bound of what the parabolas miss, from where a cubic term shows most.

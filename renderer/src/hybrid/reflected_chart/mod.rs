@@ -1,14 +1,14 @@
 //! The colour chart in the sample.
 
-pub mod anisotropic;
 mod gather;
 pub mod glossy;
 pub mod lit_chart;
 mod wide;
 mod window;
 
-use super::budget::{LobeKind, TILING, edged_tile_pixels};
-use super::budget::{anisotropic as anisotropic_budget, reflected_chart as wide_budget};
+use super::budget::{
+    TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, reflected_chart,
+};
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::View;
@@ -17,24 +17,21 @@ use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
-use anisotropic::AnisotropicChart;
 use glossy::GlossyChart;
 use lit_chart::LitChart;
 use wide::ChartOffWideLobe;
 
-/// Adds the chart in the sample to the film; returns evaluations. `key` names the image, for what is
-/// sampled.
+/// Adds the chart in the sample to the film; returns evaluations.
 pub fn add(
     view: &View,
     canvas: &mut Canvas<'_>,
     chart: &ChartOnFilm,
     interreflection: &Interreflection,
     reflectance: &Reflectance,
-    key: u64,
 ) -> u64 {
     // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
     // of it, and its part shows in `light_error`.
-    let (parts, missed) = LitChart::parts(chart, view.budget.parabolas(), |at| {
+    let parts = LitChart::parts(chart, view.budget.parabolas(), |at| {
         [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
@@ -44,21 +41,18 @@ pub fn add(
             .map(|channel| channel + direct)
     };
     let lit = LitChart::new(chart, parts, irradiance);
-    let add = match LobeKind::of(reflectance) {
-        LobeKind::Glossy => {
-            let chart_error = interreflection.error() + missed;
-            return add_glossy(view, canvas, (&lit, chart_error), reflectance, key);
-        }
-        LobeKind::HighlyAnisotropic => add_anisotropic,
-        LobeKind::Wide => add_wide,
-    };
     let finer = LitChart::new(chart, 2 * parts, irradiance);
+    let add = if is_glossy(reflectance) {
+        add_glossy
+    } else {
+        add_wide
+    };
     // A sample reflects at most all of the light that it receives.
     let error = interreflection.error();
     add(view, canvas, [&lit, &finer], error, reflectance)
 }
 
-/// Adds the chart off a lobe that is neither glossy nor highly anisotropic; returns evaluations.
+/// Adds the chart off a lobe that is not glossy; returns evaluations.
 fn add_wide(
     view: &View,
     canvas: &mut Canvas<'_>,
@@ -70,7 +64,7 @@ fn add_wide(
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
         side_max: view.budget.wide_tile * edge_pixels(view, chart, reflectance),
-        evaluations_max: view.evaluations_max(wide_budget::LIMIT),
+        evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         function_error,
         shares: TILING,
@@ -84,8 +78,8 @@ fn add_wide(
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
 
-/// Adds the chart off a highly anisotropic lobe; returns evaluations.
-fn add_anisotropic(
+/// Adds the chart off a glossy lobe; returns evaluations.
+fn add_glossy(
     view: &View,
     canvas: &mut Canvas<'_>,
     charts: [&LitChart; 2],
@@ -95,15 +89,15 @@ fn add_anisotropic(
     let demand = Demand {
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
-        side_max: anisotropic_budget::TILE * edge_pixels(view, charts[0], reflectance),
-        evaluations_max: view.evaluations_max(anisotropic_budget::LIMIT),
-        tolerance: view.budget.anisotropic_rule,
+        side_max: glossy_budget::TILE * edge_pixels(view, charts[0], reflectance),
+        evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
+        tolerance: view.budget.glossy_rule,
         function_error,
         shares: TILING,
     };
     let [chart, finer] =
-        charts.map(|chart| AnisotropicChart::new(chart, reflectance, view.instructions));
-    let shade = ChartOffAnisotropicLobe {
+        charts.map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
+    let shade = ChartOffGlossyLobe {
         view,
         chart: &chart,
         finer: &finer,
@@ -127,51 +121,20 @@ fn edge_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 
     edged_tile_pixels(view.slope_pixels(blur, distance))
 }
 
-/// Adds the chart off a glossy lobe; returns evaluations.
-fn add_glossy(
-    view: &View,
-    canvas: &mut Canvas<'_>,
-    (chart, chart_error): (&LitChart, f64),
-    reflectance: &Reflectance,
-    key: u64,
-) -> u64 {
-    let Some(bounds) = view.sample.bounds().intersection(&canvas.bounds()) else {
-        return 0;
-    };
-    let bounds = bounds.rounded_out();
-    let glossy = GlossyChart {
-        chart,
-        reflectance,
-        camera: &view.camera,
-        outline: &view.sample,
-        accuracy: &view.budget.chart,
-        key,
-        instructions: view.instructions,
-    };
-    let (pixels, evaluations) = glossy.render(&bounds, |column, row| canvas.value((column, row)));
-    for (index, pixel) in bounds.pixels().zip(pixels) {
-        // A reflection inherits the error of the chart wherever it shows some of it.
-        let shown = pixel.value.iter().any(|&channel| channel > 0.0);
-        let inherited = if shown { chart_error } else { 0.0 };
-        canvas.add(index, pixel.value, pixel.error + inherited);
-    }
-    evaluations
-}
-
-/// The chart off a highly anisotropic lobe.
-struct ChartOffAnisotropicLobe<'a> {
+/// The chart off a glossy lobe.
+struct ChartOffGlossyLobe<'a> {
     view: &'a View,
-    chart: &'a AnisotropicChart<'a>,
+    chart: &'a GlossyChart<'a>,
     /// The same with the chart in smaller parts.
-    finer: &'a AnisotropicChart<'a>,
+    finer: &'a GlossyChart<'a>,
 }
 
-impl Shade for ChartOffAnisotropicLobe<'_> {
-    type Scratch = anisotropic::Scratch;
+impl Shade for ChartOffGlossyLobe<'_> {
+    type Scratch = glossy::Scratch;
 
     fn at(
         &self,
-        scratch: &mut anisotropic::Scratch,
+        scratch: &mut glossy::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
@@ -181,7 +144,7 @@ impl Shade for ChartOffAnisotropicLobe<'_> {
 
     fn light_error(
         &self,
-        scratch: &mut anisotropic::Scratch,
+        scratch: &mut glossy::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> (f64, u32) {

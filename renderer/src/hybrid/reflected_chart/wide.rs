@@ -1,4 +1,4 @@
-//! The chart off a wide lobe, one that is neither glossy nor highly anisotropic: a product rule over
+//! The chart off a wide lobe, one that is not glossy: a product rule over
 //! the patches.
 
 use super::gather::{self, LightBatch};

@@ -1,375 +1,646 @@
-//! A line of cells across the film, reflected about one normal.
+//! Lines of constant q in the slope plane: pieces of patches, in closed form along p.
+//!
+//! Lines are worked out side by side, one a lane. A line is cut where an edge of a patch crosses it
+//! and where the integrand bends. Each piece adds its moments, times its patch's reflectance, to
+//! those of its line; then a few points along the line tell what multiplies the density.
 
-use super::affine::Affine;
-use super::cells::{Cells, Rays, position_on};
-use super::glossy_chart::GlossyChart;
-use super::kernels::{intersect, shine};
-use super::span::Spans;
-use crate::hybrid::reflected_chart::lit_chart::patch_at;
-use crate::numerics::batch::LANES;
-use crate::numerics::polygon::{Polygon, Rectangle};
-use crate::vector::Vec3;
-use std::ops::Range;
+use super::conic::Quadratics;
+use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
+use super::point::{LIGHT_CHANNELS, Point};
+use crate::hybrid::budget::glossy::SPAN_MIN;
+use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
+use crate::numerics::batch::{Batch, LANES, total};
+use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::instructions::kernel;
+use crate::reflectance::fresnel;
 
-/// A line of cells across the film.
-///
-/// In memory all pixels' first cells come first, then their second ones, and so on: neighbours
-/// add to sums of their own, and a pixel's cells in their order.
-pub struct Line<'a> {
-    glossy: &'a GlossyChart<'a>,
-    cell_side: f64,
-    /// Column of the first cell's left edge, and the line's upper edge.
-    origin: [f64; 2],
-    /// Cells of a pixel.
-    phases: usize,
-    /// Entries of a phase: one more than there are pixels, filled up to whole vectors.
-    stride: usize,
-    /// Through the left corners above and below.
-    rays: [Vec<Rays>; 2],
-    cells: Vec<Cells>,
-    /// Cells that the sample covers in part, by phase.
-    parts: Vec<Vec<Part>>,
-    /// Where on the chart the corners show, in patches from its corner: along either axis those
-    /// above and below.
-    corners: [[Vec<f64>; 2]; 2],
-    /// Cells that the kernel left.
-    rest: Vec<usize>,
+/// Numbers side by side, one a line.
+type Lanes = [f64; LANES];
+
+/// The lines of a rule: q, and the weight of the integral along p.
+pub type Lines = Batch<2>;
+
+/// Where lines are cut, row by row in ascending order, and `f64::INFINITY` after a line's last.
+pub type Cuts = Vec<Lanes>;
+
+/// What lines add up to, by channel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LineSums {
+    /// The integral of the light times the lobe and Fresnel's reflectance.
+    pub fresnel: [f64; 3],
+    /// The same with what that exceeds the tint's knee by.
+    pub excess: [f64; 3],
+    /// Points at which the lobe was evaluated.
+    pub evaluations: u32,
 }
 
-/// A cell that the sample covers in part.
-struct Part {
-    pixel: usize,
-    covered: Polygon,
-    area: f64,
+kernel! {
+    /// Adds up lines as seen from a point.
+    pub fn add_lines(point: &Point<'_>, lines: &Lines, cuts: &mut Cuts) -> LineSums {
+        match point.order {
+            Order::Three => sum(point, &moments::THREE, lines, cuts),
+            Order::Five => sum(point, &moments::FIVE, lines, cuts),
+            Order::Seven => sum(point, &moments::SEVEN, lines, cuts),
+        }
+    }
 }
 
-impl<'a> Line<'a> {
-    pub fn new(glossy: &'a GlossyChart<'a>, top: f64, columns: Range<u32>, cells: u32) -> Self {
-        let (pixels, phases) = (columns.len(), cells as usize);
-        let cell_side = 1.0 / f64::from(cells);
-        let left = f64::from(columns.start);
-        let direction = |column: f64, row: f64| glossy.camera.direction(column, row);
-        let step = direction(left + cell_side, top) - direction(left, top);
-        let stride = (pixels + 1).next_multiple_of(LANES);
-        // What fills vectors up stays close to the line.
-        let last = (pixels * phases + 1).next_multiple_of(LANES) - 1;
-        let index = |entry: usize| (entry % stride * phases + entry / stride).min(last);
-        let rays = [top, top + cell_side].map(|row| {
-            let start = direction(left, row);
-            let mut rays = vec![Rays::default(); stride / LANES * phases];
-            for entry in 0..stride * phases {
-                let rays = &mut rays[entry / LANES];
-                rays.set(entry % LANES, glossy, start + step * index(entry) as f64);
-            }
-            rays
-        });
-        let half = 0.5 * cell_side;
-        let start = direction(left + half, top + half);
-        let mut line = Self {
-            glossy,
-            cell_side,
-            origin: [left, top],
-            phases,
-            stride,
-            rays,
-            cells: vec![Cells::default(); stride / LANES * phases],
-            parts: (0..phases).map(|_| Vec::new()).collect(),
-            // One more for the right corners of a pixel's last cells.
-            corners: std::array::from_fn(|_| {
-                std::array::from_fn(|_| vec![0.0; stride * phases + 1])
-            }),
-            rest: Vec::new(),
+#[inline(always)]
+fn sum<const N: usize>(
+    point: &Point<'_>,
+    order: &Nodes<N>,
+    lines: &Lines,
+    cuts: &mut Cuts,
+) -> LineSums {
+    let table = &*moments::TABLE;
+    let mut sums = Sums::default();
+    for [q, weight] in lines.blocks() {
+        let block = Block::new(point, q);
+        let Some(lattice) = block.lattice(point) else {
+            continue;
         };
-        for phase in 0..phases {
-            for pixel in 0..pixels {
-                let entry = phase * stride + pixel;
-                let cell = line.cell(phase, pixel);
-                let covered = glossy.outline.clipped(&cell);
-                let whole = glossy.outline.contains(&cell);
-                if !whole && !covered.is_empty() {
-                    let area = covered.area();
-                    line.parts[phase].push(Part {
-                        pixel,
-                        covered,
-                        area,
-                    });
-                }
-                let direction = start + step * index(entry) as f64;
-                line.cells[entry / LANES].set(entry % LANES, glossy, whole, direction);
+        block.cut(point, lattice, cuts);
+        let mut seen = block.pieces::<N>(point, table, cuts);
+        sums.points += seen.lines(weight) * N as u32;
+        if seen.used != [false; PARTS] {
+            block.add_points(point, order, weight, &mut seen, &mut sums);
+        }
+    }
+    LineSums {
+        fresnel: sums.fresnel.map(total),
+        excess: sums.excess.map(total),
+        evaluations: sums.points,
+    }
+}
+
+/// Sums by channel and lane.
+#[derive(Default)]
+struct Sums {
+    fresnel: [Lanes; 3],
+    excess: [Lanes; 3],
+    points: u32,
+}
+
+/// Where pieces can lie: light higher than the viewer, or lower; and the same beyond the tint's knee
+/// once more.
+const PARTS: usize = 4;
+const HIGH: usize = 0;
+const LOW: usize = 1;
+const BEYOND: usize = 2;
+
+/// What the lines show of the chart.
+struct Seen<const N: usize> {
+    /// The moments of pieces times their patches' reflectances, by part and channel.
+    moments: [[Moments<N>; 3]; PARTS],
+    /// Whether any line has such a part.
+    used: [bool; PARTS],
+    /// The middle of a line's last piece on the chart, in patches from its corner.
+    middle: [Lanes; 2],
+    /// The first and the last p of a line that show any of it; the first beyond the last where
+    /// nothing does.
+    span: [Lanes; 2],
+}
+
+impl<const N: usize> Seen<N> {
+    /// How many lines of a weight show anything.
+    #[inline(always)]
+    fn lines(&self, weight: &Lanes) -> u32 {
+        let shows = |&i: &usize| self.span[0][i] < self.span[1][i] && weight[i] != 0.0;
+        (0..LANES).filter(shows).count() as u32
+    }
+}
+
+/// Lines side by side.
+struct Block<'a> {
+    q: &'a Lanes,
+    /// Widths of the lobe along p for a unit of slope.
+    per_width: Lanes,
+    /// The p up to which a line is integrated, to either side.
+    reach: Lanes,
+    /// The position on the chart in patches from its corner, times the depth; and the depth.
+    positions: [Quadratics; 2],
+    depth: Quadratics,
+}
+
+impl<'a> Block<'a> {
+    #[inline(always)]
+    fn new(point: &Point<'_>, q: &'a Lanes) -> Self {
+        let n_u = point.glossy.reflectance.lobe.n_u;
+        let (mut per_width, mut reach) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
+            let q2 = q[i] * q[i] + f64::MIN_POSITIVE;
+            per_width[i] = (n_u * (log1p(q2) / q2)).sqrt();
+            reach[i] = point.reach / per_width[i];
+        }
+        Self {
+            q,
+            per_width,
+            reach,
+            positions: [point.across.on_lines(q), point.up.on_lines(q)],
+            depth: point.depth.on_lines(q),
+        }
+    }
+
+    /// The first and last edges between patches, along both axes, that may cross one of the lines;
+    /// `None` if no line shows anything of the chart.
+    #[inline(always)]
+    fn lattice(&self, point: &Point<'_>) -> Option<[[u32; 2]; 2]> {
+        let [mut ends, mut depths] = [[[0.0; LANES]; 3]; 2];
+        for i in 0..LANES {
+            ends[0][i] = -self.reach[i];
+            ends[2][i] = self.reach[i];
+        }
+        for (depth, end) in depths.iter_mut().zip(&ends) {
+            *depth = self.depth.values(end);
+        }
+        let (mut in_front, mut dark) = ([false; LANES], [false; LANES]);
+        for i in 0..LANES {
+            in_front[i] = (depths[0][i] > 0.0) & (depths[1][i] > 0.0) & (depths[2][i] > 0.0);
+        }
+        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+        let mut spans = [[[0.0; LANES]; 2]; 2];
+        for axis in 0..2 {
+            let most = point.counts[axis];
+            let at = [0, 1, 2].map(|end| self.positions[axis].values(&ends[end]));
+            for i in 0..LANES {
+                let [a, b, c] = [0, 1, 2].map(|end| at[end][i] / depths[end][i]);
+                let low = if a < b { a } else { b };
+                let low = if low < c { low } else { c };
+                let high = if a > b { a } else { b };
+                let high = if high > c { high } else { c };
+                spans[axis][0][i] = if in_front[i] { low } else { 0.0 };
+                spans[axis][1][i] = if in_front[i] { high } else { most };
+                // Between the three it may bend, but by less than a patch.
+                dark[i] |= in_front[i] & ((high < -1.0) | (low > most + 1.0));
             }
         }
-        line
-    }
-
-    /// A pixel's cell on the film.
-    fn cell(&self, phase: usize, pixel: usize) -> Rectangle {
-        let [left, top] = self.origin;
-        let index = pixel * self.phases + phase;
-        let low = [left + self.cell_side * index as f64, top];
-        Rectangle {
-            low,
-            high: low.map(|edge| edge + self.cell_side),
+        if dark == [true; LANES] {
+            return None;
         }
-    }
-
-    /// Intersects the rays, reflected about a normal, with the chart; returns the least and the
-    /// largest position on it, in patches from its corner, along either axis.
-    pub fn reflect(&mut self, normal: Vec3) -> [[f64; 2]; 2] {
-        let plane = &self.glossy.chart.plane;
-        let frame = [plane.x, plane.y, plane.z].map(|axis| axis * (1.0 / plane.pitch));
-        let [u, v] = &mut self.corners;
-        let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for ((rays, u), v) in self.rays.iter().zip(u).zip(v) {
-            let found = intersect(self.glossy.instructions, rays, [u, v], normal, frame);
-            for (ends, [low, high]) in ends.iter_mut().zip(found) {
-                ends[0] = low.into_iter().fold(ends[0], f64::min);
-                ends[1] = high.into_iter().fold(ends[1], f64::max);
-            }
-        }
-        ends
-    }
-
-    /// Adds what the cells reflect to the sums of their pixels.
-    pub fn shine(&mut self, normal: Vec3, sums: &mut [[[f64; LANES]; 3]], spans: &mut [Spans]) {
-        let optics = (normal, self.glossy.reflectance.ior, self.cell_side);
-        for phase in 0..self.phases {
-            let mut rest = std::mem::take(&mut self.rest);
-            let from = phase * self.stride;
-            // The last cell's right corner is the next pixel's first.
-            let right = if phase + 1 < self.phases {
-                from + self.stride
-            } else {
-                1
-            };
-            let corners = self.corners.each_ref().map(|[above, below]| {
-                [
-                    &above[from..],
-                    &above[right..],
-                    &below[from..],
-                    &below[right..],
-                ]
-            });
-            shine(
-                self.glossy.instructions,
-                self.glossy.chart,
-                optics,
-                &self.cells[from / LANES..],
-                corners,
-                (&mut *sums, &mut *spans),
-                &mut rest,
-            );
-            for pixel in rest.drain(..) {
-                self.add(normal, phase, pixel, None, sums);
-            }
-            for part in &self.parts[phase] {
-                self.add(normal, phase, part.pixel, Some(part), sums);
-            }
-            self.rest = rest;
-        }
-    }
-
-    /// Where on the chart a cell shows, along either axis.
-    fn positions(&self, phase: usize, pixel: usize) -> [Affine; 2] {
-        let entry = phase * self.stride + pixel;
-        let right = if phase + 1 < self.phases {
-            entry + self.stride
-        } else {
-            pixel + 1
-        };
-        let position = |axis: usize| {
-            let [above, below] = &self.corners[axis];
-            Affine::through([above[entry], above[right], below[entry], below[right]])
-        };
-        [position(0), position(1)]
-    }
-
-    /// Adds what one cell reflects, whole or covered in part.
-    fn add(
-        &self,
-        normal: Vec3,
-        phase: usize,
-        pixel: usize,
-        part: Option<&Part>,
-        sums: &mut [[[f64; LANES]; 3]],
-    ) {
-        let chart = self.glossy.chart;
-        let entry = phase * self.stride + pixel;
-        let positions = self.positions(phase, pixel);
-        let low = [positions[0].low(), positions[1].low()];
-        let high = [positions[0].high(), positions[1].high()];
-        let counts = [chart.plane.columns, chart.plane.rows].map(f64::from);
-        if (0..2).any(|axis| high[axis] <= 0.0 || low[axis] >= counts[axis]) {
-            return;
-        }
-        let tint =
-            self.cells[entry / LANES].tint(entry % LANES, normal, self.glossy.reflectance.ior);
-        let range = |axis: usize| {
-            let last = counts[axis] - 1.0;
-            let first = low[axis].floor().clamp(0.0, last);
-            (first as u32, high[axis].floor().clamp(first, last) as u32)
-        };
-        let (columns, rows) = (range(0), range(1));
-        for row in rows.0..=rows.1 {
-            for column in columns.0..=columns.1 {
-                let patch = [column, row].map(f64::from);
-                let inside: [bool; 2] = std::array::from_fn(|axis| {
-                    low[axis] >= patch[axis] && high[axis] <= patch[axis] + 1.0
-                });
-                let area = match (part, inside) {
-                    (None, [true, true]) => self.cell_side * self.cell_side,
-                    (None, [false, true]) => self.strip(positions[0], patch[0]),
-                    (None, [true, false]) => self.strip(positions[1], patch[1]),
-                    (Some(part), [true, true]) => part.area,
-                    _ => self.part(phase, pixel, part, &positions, patch),
+        for axis in 0..2 {
+            for i in 0..LANES {
+                let [low, high] = [0, 1].map(|end| spans[axis][end][i]);
+                let [least, most] = &mut bounds[axis];
+                *least = if !dark[i] & (low < *least) {
+                    low
+                } else {
+                    *least
                 };
-                if area <= 0.0 {
+                *most = if !dark[i] & (high > *most) {
+                    high
+                } else {
+                    *most
+                };
+            }
+        }
+        Some([0, 1].map(|axis| {
+            let ([low, high], most) = (bounds[axis], point.counts[axis]);
+            [
+                low.max(0.0).min(most) as u32,
+                (high.min(most - 1.0).max(-1.0) + 1.0) as u32,
+            ]
+        }))
+    }
+
+    /// Finds where lines are cut: at edges of patches and bends of the integrand.
+    #[inline(always)]
+    fn cut(&self, point: &Point<'_>, lattice: [[u32; 2]; 2], cuts: &mut Cuts) {
+        cuts.clear();
+        let mut counts = [0; LANES];
+        for (axis, [first, last]) in lattice.into_iter().enumerate() {
+            let (position, other) = (&self.positions[axis], &self.positions[1 - axis]);
+            let most = point.counts[1 - axis];
+            for edge in first..=last {
+                let edge = position.less(f64::from(edge), &self.depth);
+                if !edge.may_vanish(&self.reach) {
                     continue;
                 }
-                let at = [
-                    position_on(low[0], high[0], patch[0]),
-                    position_on(low[1], high[1], patch[1]),
-                ];
-                let index = chart.patch(column, row);
-                let light = patch_at(&chart.light[index], &chart.patches[index], at);
-                let sums = &mut sums[pixel / LANES];
-                for channel in 0..3 {
-                    sums[channel][pixel % LANES] += area * tint[channel] * light[channel];
+                for mut zeros in edge.zeros() {
+                    let (at, depth) = (other.values(&zeros), self.depth.values(&zeros));
+                    for i in 0..LANES {
+                        // Beyond the chart its lattice parts nothing.
+                        let parts = (at[i] >= 0.0) & (at[i] <= most * depth[i]);
+                        zeros[i] = if parts { zeros[i] } else { f64::INFINITY };
+                    }
+                    self.push(&zeros, cuts, &mut counts);
+                }
+            }
+        }
+        for level in point.branches.levels() {
+            let level = level.on_lines(self.q);
+            if level.may_vanish(&self.reach) {
+                for zeros in level.zeros() {
+                    self.push(&zeros, cuts, &mut counts);
+                }
+            }
+        }
+        sort(cuts);
+    }
+
+    /// Adds those of some cuts that lie in reach.
+    #[inline(always)]
+    fn push(&self, zeros: &Lanes, cuts: &mut Cuts, counts: &mut [usize; LANES]) {
+        for i in 0..LANES {
+            if zeros[i].abs() < self.reach[i] {
+                if counts[i] == cuts.len() {
+                    cuts.push([f64::INFINITY; LANES]);
+                }
+                cuts[counts[i]][i] = zeros[i];
+                counts[i] += 1;
+            }
+        }
+    }
+
+    /// Adds the pieces of all lines up.
+    #[inline(always)]
+    fn pieces<const N: usize>(&self, point: &Point<'_>, table: &Table, cuts: &Cuts) -> Seen<N> {
+        let mut seen = Seen {
+            moments: [[[[0.0; LANES]; N]; 3]; PARTS],
+            used: [false; PARTS],
+            middle: [[0.0; LANES]; 2],
+            span: [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]],
+        };
+        let mut from = self.reach.map(|reach| -reach);
+        let mut below = [[0.0; LANES]; N];
+        for index in 0..=cuts.len() {
+            let (mut to, mut z) = (self.reach, [TABLE_END; LANES]);
+            let above = if let Some(cuts) = cuts.get(index) {
+                for i in 0..LANES {
+                    let inside = cuts[i] < self.reach[i];
+                    to[i] = if inside { cuts[i] } else { to[i] };
+                    z[i] = if inside {
+                        cuts[i] * self.per_width[i]
+                    } else {
+                        z[i]
+                    };
+                }
+                moments::up_to(table, &z)
+            } else {
+                moments::everything()
+            };
+            let mut piece = [[0.0; LANES]; N];
+            for k in 0..N {
+                for i in 0..LANES {
+                    piece[k][i] = above[k][i] - below[k][i];
+                }
+            }
+            self.add_piece(point, [&from, &to], &piece, &mut seen);
+            (from, below) = (to, above);
+        }
+        seen
+    }
+
+    /// Adds a piece of every line; an empty one has no moments.
+    #[inline(always)]
+    fn add_piece<const N: usize>(
+        &self,
+        point: &Point<'_>,
+        [from, to]: [&Lanes; 2],
+        piece: &Moments<N>,
+        seen: &mut Seen<N>,
+    ) {
+        let mut middle = [0.0; LANES];
+        for i in 0..LANES {
+            middle[i] = 0.5 * (from[i] + to[i]);
+        }
+        let depth = self.depth.values(&middle);
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(&middle));
+        let mut on_chart = [false; LANES];
+        let [columns, rows] = point.counts;
+        for i in 0..LANES {
+            let per_depth = 1.0 / depth[i];
+            let [across, up] = [positions[0][i] * per_depth, positions[1][i] * per_depth];
+            on_chart[i] = (depth[i] > 0.0)
+                & (from[i] < to[i])
+                & (across >= 0.0)
+                & (across < columns)
+                & (up >= 0.0)
+                & (up < rows);
+            positions[0][i] = if on_chart[i] { across } else { 0.0 };
+            positions[1][i] = if on_chart[i] { up } else { 0.0 };
+        }
+        if on_chart == [false; LANES] {
+            return;
+        }
+        let patches = patches(&positions, point.counts);
+        let mut colours = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let colour = &point.glossy.colours[patches[i]];
+            for channel in 0..3 {
+                colours[channel][i] = if on_chart[i] { colour[channel] } else { 0.0 };
+            }
+        }
+        for i in 0..LANES {
+            let [first, last] = [seen.span[0][i], seen.span[1][i]];
+            let begins = on_chart[i] & (from[i] < first);
+            seen.span[0][i] = if begins { from[i] } else { first };
+            seen.span[1][i] = if on_chart[i] { to[i] } else { last };
+            for axis in 0..2 {
+                let before = seen.middle[axis][i];
+                seen.middle[axis][i] = if on_chart[i] {
+                    positions[axis][i]
+                } else {
+                    before
+                };
+            }
+        }
+        let low = self.is_low(point, &middle, &on_chart);
+        seen.add(HIGH, piece, &colours, &low.map(|low| !low));
+        seen.add(LOW, piece, &colours, &low);
+        if point.branches.has_knee() {
+            let beyond = self.is_beyond(point, &middle, &on_chart);
+            let [mut high, mut low] = [low; 2];
+            for i in 0..LANES {
+                high[i] = beyond[i] & !high[i];
+                low[i] &= beyond[i];
+            }
+            seen.add(BEYOND + HIGH, piece, &colours, &high);
+            seen.add(BEYOND + LOW, piece, &colours, &low);
+        }
+    }
+
+    /// Whether light stands lower than the viewer at a p of each line on the chart.
+    #[inline(always)]
+    fn is_low(&self, point: &Point<'_>, p: &Lanes, on_chart: &[bool; LANES]) -> [bool; LANES] {
+        let even = point.branches.even.on_lines(self.q).values(p);
+        let mut low = [false; LANES];
+        for i in 0..LANES {
+            low[i] = on_chart[i] & (even[i] < 0.0);
+        }
+        low
+    }
+
+    /// Whether the tint is beyond its knee at a p of each line on the chart.
+    #[inline(always)]
+    fn is_beyond(&self, point: &Point<'_>, p: &Lanes, on_chart: &[bool; LANES]) -> [bool; LANES] {
+        let (wo, branches) = (point.wo, &point.branches);
+        let mut beyond = [false; LANES];
+        for i in 0..LANES {
+            let (p, q) = (p[i], self.q[i]);
+            let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) / (1.0 + p * p + q * q) - wo.z;
+            let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
+            beyond[i] = on_chart[i] & (fresnel::reflectance(cos_i, branches.ior) > branches.knee);
+        }
+        beyond
+    }
+
+    /// Where the points of a line lie: their middle and the unit of the order's nodes, in widths.
+    ///
+    /// Over a whole lobe they are Gauss's. Where only a part shows the chart they are drawn together
+    /// to that part, because light is known nowhere else.
+    #[inline(always)]
+    fn frame<const N: usize>(&self, order: &Nodes<N>, seen: &Seen<N>) -> [Lanes; 2] {
+        let farthest = order.nodes[N - 1];
+        let [mut middle, mut unit] = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            let [first, last] = [0, 1].map(|end| seen.span[end][i] * self.per_width[i]);
+            let shows = first < last;
+            let first = if first > -farthest { first } else { -farthest };
+            let last = if last < farthest { last } else { farthest };
+            let [centre, half] = [0.5 * (first + last), 0.5 * (last - first)];
+            middle[i] = if shows { centre } else { 0.0 };
+            let half = if shows & (half > SPAN_MIN) {
+                half
+            } else {
+                SPAN_MIN
+            };
+            unit[i] = half / farthest;
+        }
+        [middle, unit]
+    }
+
+    /// Adds the points of the lines.
+    #[inline(always)]
+    fn add_points<const N: usize>(
+        &self,
+        point: &Point<'_>,
+        order: &Nodes<N>,
+        weight: &Lanes,
+        seen: &mut Seen<N>,
+        sums: &mut Sums,
+    ) {
+        let [middle, unit] = self.frame(order, seen);
+        seen.move_to(&middle, &unit);
+        let (lobe, wo) = (&point.glossy.reflectance.lobe, point.wo);
+        let per_viewer = 1.0 / wo.z;
+        let (ior, knee) = (point.branches.ior, point.branches.knee);
+        for k in 0..N {
+            let [mut p, mut density] = [[0.0; LANES]; 2];
+            for i in 0..LANES {
+                let z = middle[i] + unit[i] * order.nodes[k];
+                p[i] = z / self.per_width[i];
+                density[i] = 0.5 * z * z;
+            }
+            let light = self.light(point, &p, seen);
+            let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (p, q) = (p[i], self.q[i]);
+                let (p2, q2) = (p * p, q * q);
+                let t = p2 + q2;
+                let inverse = 1.0 / (1.0 + t);
+                let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) * inverse - wo.z;
+                // Points that a piece is told by can lie beyond it, and below the horizon.
+                let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
+                // At the normal the quotient is 0/0 and the product 0.
+                let exponent = (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE);
+                // The density's own fall is in the moments.
+                let power = exp(density[i] - 0.5 * exponent * log1p(t));
+                let scale = weight[i] / self.per_width[i];
+                let lobe = scale * power * inverse * inverse.sqrt();
+                let fresnel = fresnel::reflectance(cos_i, ior);
+                value[i] = lobe * fresnel;
+                beyond[i] = lobe * (fresnel - knee);
+                shade[i] = cos_i * per_viewer;
+            }
+            let polynomial = &order.polynomials[k];
+            for channel in 0..3 {
+                let parts = seen.at(channel, polynomial);
+                for i in 0..LANES {
+                    let all = parts[HIGH][i] + shade[i] * parts[LOW][i];
+                    sums.fresnel[channel][i] += value[i] * light[channel][i] * all;
+                }
+                if point.branches.has_knee() {
+                    for i in 0..LANES {
+                        let part = parts[BEYOND + HIGH][i] + shade[i] * parts[BEYOND + LOW][i];
+                        sums.excess[channel][i] += beyond[i] * light[channel][i] * part;
+                    }
                 }
             }
         }
     }
 
-    /// The area of a cell on which a position lies between `from` and `from + 1`.
-    fn strip(&self, position: Affine, from: f64) -> f64 {
-        position.share_of_unit(from) * self.cell_side * self.cell_side
-    }
-
-    /// The covered area of a cell that lies on a patch, where that is no strip.
-    fn part(
-        &self,
-        phase: usize,
-        pixel: usize,
-        part: Option<&Part>,
-        positions: &[Affine; 2],
-        patch: [f64; 2],
-    ) -> f64 {
-        let cell = self.cell(phase, pixel);
-        let mut polygon = part.map_or_else(|| Polygon::rectangle(&cell), |part| part.covered);
-        for (position, from) in positions.iter().zip(patch) {
-            let above = |[column, row]: [f64; 2]| {
-                let x = (column - cell.low[0]) / self.cell_side - 0.5;
-                let y = (row - cell.low[1]) / self.cell_side - 0.5;
-                position.middle + position.across * x + position.down * y - from
-            };
-            polygon = polygon.cut(above).cut(|point| 1.0 - above(point));
+    /// The light on the chart where it is seen at a p of each line. It is a smooth function of the
+    /// position, told beyond the chart's edges by the parabolas of the outer patches.
+    #[inline(always)]
+    fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
+        let depth = self.depth.values(p);
+        let mut positions = [0, 1].map(|axis| self.positions[axis].values(p));
+        for axis in 0..2 {
+            for i in 0..LANES {
+                let at = positions[axis][i] / depth[i];
+                positions[axis][i] = if depth[i] > 0.0 {
+                    at
+                } else {
+                    seen.middle[axis][i]
+                };
+            }
         }
-        polygon.area()
+        // Light is told part by part of a patch.
+        let parts = point.glossy.parts;
+        let counts = point.counts.map(|count| count * parts);
+        for axis in 0..2 {
+            for i in 0..LANES {
+                positions[axis][i] *= parts;
+            }
+        }
+        let patches = patches(&positions, counts);
+        let mut weights = [[[0.0; LANES]; 3]; 2];
+        for axis in 0..2 {
+            for i in 0..LANES {
+                let within = positions[axis][i] - cell(positions[axis][i], counts[axis]);
+                let within = if within > -1.0 { within } else { -1.0 };
+                let within = if within < 2.0 { within } else { 2.0 };
+                let [a, b, c] = parabola_weights(within);
+                weights[axis][0][i] = a;
+                weights[axis][1][i] = b;
+                weights[axis][2][i] = c;
+            }
+        }
+        // Four channels of a line are a vector.
+        let mut by_line = [[0.0; LIGHT_CHANNELS]; LANES];
+        for i in 0..LANES {
+            let patch = &point.glossy.light[patches[i]];
+            let [a, b, c] = [weights[0][0][i], weights[0][1][i], weights[0][2][i]];
+            let mut sum = [0.0; LIGHT_CHANNELS];
+            for (up, [left, middle, right]) in patch.iter().enumerate() {
+                let weight = weights[1][up][i];
+                for channel in 0..LIGHT_CHANNELS {
+                    let across = a * left[channel] + b * middle[channel] + c * right[channel];
+                    sum[channel] += weight * across;
+                }
+            }
+            by_line[i] = sum;
+        }
+        let mut light = [[0.0; LANES]; 3];
+        for channel in 0..3 {
+            for i in 0..LANES {
+                light[channel][i] = by_line[i][channel];
+            }
+        }
+        light
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::span::Span;
-    use super::*;
-    use crate::geometry::BackendChoice;
-    use crate::hybrid::PreparedView;
-    use crate::hybrid::reflected_chart::lit_chart::LitChart;
-    use crate::numerics::instructions::Instructions;
-    use crate::reflectance::Reflectance;
-    use crate::scene::Scene;
-    use dataset::{HARD_CASES, Specification};
-
-    /// Sums and spans of a line's pixels.
-    type Found = Vec<([[u64; 3]; LANES], [Span; LANES])>;
-
-    fn found(sums: &[[[f64; LANES]; 3]], spans: &[Spans]) -> Found {
-        let lanes = |sums: &[[f64; LANES]; 3], lane: usize| sums.map(|sum| sum[lane].to_bits());
-        sums.iter()
-            .zip(spans)
-            .map(|(sums, spans)| {
-                (
-                    std::array::from_fn(|lane| lanes(sums, lane)),
-                    std::array::from_fn(|lane| spans.of(lane)),
-                )
-            })
-            .collect()
+impl<const N: usize> Seen<N> {
+    /// Adds pieces that lie in a part.
+    #[inline(always)]
+    fn add(&mut self, part: usize, piece: &Moments<N>, colours: &[Lanes; 3], here: &[bool; LANES]) {
+        if *here == [false; LANES] {
+            return;
+        }
+        self.used[part] = true;
+        for channel in 0..3 {
+            let mut colour = [0.0; LANES];
+            for i in 0..LANES {
+                colour[i] = if here[i] { colours[channel][i] } else { 0.0 };
+            }
+            for k in 0..N {
+                for i in 0..LANES {
+                    self.moments[part][channel][k][i] += colour[i] * piece[k][i];
+                }
+            }
+        }
     }
 
-    #[test]
-    fn the_kernel_adds_what_cells_add_one_by_one_on_every_instruction_set() {
-        const COLUMNS: Range<u32> = 4..124;
-        const BLOCKS: usize = 15;
-        let specification = Specification::preset();
-        let scene = Scene::new(&specification, 5, BackendChoice::Native);
-        let scene = scene.expect("a view").expect("a scene");
-        let prepared = PreparedView::new(&scene, &specification).expect("a prepared view");
-        let chart = prepared.chart.as_ref().expect("a chart");
-        let chart = LitChart::new(chart, 1, |[a, b]| [1.0 + a, 2.0 - b, 1.0 + a * b]);
-        // A highly anisotropic lobe: its normals lead all over the chart and beside it.
-        let material = HARD_CASES[2].material;
-        let reflectance = Reflectance::new(&material, 0.0, specification.tint);
-        let normals: Vec<Vec3> = (0..40)
-            .map(|i| {
-                let along = (f64::from(i) * 0.618_034).fract().max(1e-3);
-                reflectance
-                    .lobe
-                    .sample([along, (f64::from(i) + 0.5) / 40.0])
-            })
-            .collect();
-        let (mut cut, mut lit) = (0, 0);
-        for instructions in Instructions::available() {
-            let glossy = GlossyChart {
-                chart: &chart,
-                reflectance: &reflectance,
-                camera: &prepared.view.camera,
-                outline: &prepared.view.sample,
-                accuracy: &prepared.view.budget.chart,
-                key: 1,
-                instructions,
-            };
-            for (cells, top) in [(1, 40.0), (1, 64.0), (1, 87.0), (3, 60.0)] {
-                let mut line = Line::new(&glossy, top, COLUMNS, cells);
-                let sums = vec![[[0.0; LANES]; 3]; BLOCKS];
-                let spans = vec![Spans::default(); BLOCKS];
-                let (mut together, mut together_spans) = (sums.clone(), spans.clone());
-                let (mut alone, mut alone_spans) = (sums, spans);
-                for normal in &normals {
-                    line.reflect(*normal);
-                    line.shine(*normal, &mut together, &mut together_spans);
-                    for phase in 0..line.phases {
-                        for pixel in 0..COLUMNS.len() {
-                            let (block, lane) = (pixel / LANES, pixel % LANES);
-                            let positions = line.positions(phase, pixel);
-                            for (axis, position) in positions.into_iter().enumerate() {
-                                let mut ends = [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]];
-                                ends[0][lane] = position.low();
-                                ends[1][lane] = position.high();
-                                alone_spans[block].extend(axis, &ends[0], &ends[1]);
-                            }
-                            let cell = &line.cells[(phase * line.stride + pixel) / LANES];
-                            let part = line.parts[phase].iter().find(|part| part.pixel == pixel);
-                            let parted = |position: Affine| {
-                                position.low().floor() != position.high().floor()
-                            };
-                            cut += usize::from(positions.into_iter().any(parted));
-                            if cell.whole[lane] > 0.0 || part.is_some() {
-                                line.add(*normal, phase, pixel, part, &mut alone);
-                            }
+    /// Takes the moments about `middle`, in units of `unit`.
+    #[inline(always)]
+    fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
+        for (moments, used) in self.moments.iter_mut().zip(self.used) {
+            if !used {
+                continue;
+            }
+            for moments in moments {
+                // The binomial theorem, a factor at a time.
+                for first in 1..N {
+                    for k in (first..N).rev() {
+                        for i in 0..LANES {
+                            moments[k][i] -= middle[i] * moments[k - 1][i];
                         }
                     }
                 }
-                let (together, alone) = (
-                    found(&together, &together_spans),
-                    found(&alone, &alone_spans),
-                );
-                assert_eq!(together, alone, "{instructions}, {cells} cells, row {top}");
-                let shown = together.iter().flat_map(|(sums, _)| sums);
-                lit += shown.filter(|sum| **sum != [0; 3]).count();
+                let mut scale = [1.0; LANES];
+                for moments in &mut moments[1..] {
+                    for i in 0..LANES {
+                        scale[i] /= unit[i];
+                        moments[i] *= scale[i];
+                    }
+                }
             }
         }
-        assert!(
-            cut > 1000 && lit > 200,
-            "{cut} cells on edges, {lit} pixels lit"
-        );
+    }
+
+    /// The weights of a point in each part, by the polynomial that is 1 at it.
+    #[inline(always)]
+    fn at(&self, channel: usize, polynomial: &[f64; N]) -> [Lanes; PARTS] {
+        let mut weights = [[0.0; LANES]; PARTS];
+        for part in 0..PARTS {
+            if self.used[part] {
+                for k in 0..N {
+                    for i in 0..LANES {
+                        weights[part][i] += polynomial[k] * self.moments[part][channel][k][i];
+                    }
+                }
+            }
+        }
+        weights
+    }
+}
+
+/// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
+const ROUND: f64 = 6_755_399_441_055_744.0;
+
+/// The column or row of a position, of so many; on an edge it is either neighbour's.
+#[inline(always)]
+fn cell(position: f64, count: f64) -> f64 {
+    let position = if position > 0.5 { position } else { 0.5 };
+    let position = if position < count - 0.5 {
+        position
+    } else {
+        count - 0.5
+    };
+    let rounded = (position - 0.5 + ROUND) - ROUND;
+    // A half is rounded to even.
+    if rounded < count - 1.0 {
+        rounded
+    } else {
+        count - 1.0
+    }
+}
+
+/// The numbers of the patches at positions, in patches from the chart's corner.
+#[inline(always)]
+fn patches(positions: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LANES] {
+    let mut bits = [0; LANES];
+    for i in 0..LANES {
+        let column = cell(positions[0][i], columns);
+        let row = cell(positions[1][i], rows);
+        bits[i] = ((rows - 1.0 - row) * columns + column + ROUND).to_bits();
+    }
+    bits.map(|bits| (bits - ROUND.to_bits()) as usize)
+}
+
+/// Sorts every line's cuts: rows that are compared in a fixed order need no branches.
+#[inline(always)]
+fn sort(cuts: &mut Cuts) {
+    for last in 1..cuts.len() {
+        for at in (0..last).rev() {
+            let [low, high] = [cuts[at], cuts[at + 1]];
+            for i in 0..LANES {
+                let (a, b) = (low[i], high[i]);
+                cuts[at][i] = if a < b { a } else { b };
+                cuts[at + 1][i] = if a < b { b } else { a };
+            }
+        }
     }
 }

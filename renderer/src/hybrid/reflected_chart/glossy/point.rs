@@ -3,38 +3,41 @@
 use super::branches::Branches;
 use super::conic::Conic;
 use super::moments::Order;
-use crate::hybrid::budget::anisotropic::{CORNERS_MAX, PARABOLA_EXPONENT, TAIL_DIGITS};
+use crate::hybrid::budget::glossy::{CORNERS_MAX, PARABOLA_EXPONENT, TAIL_DIGITS};
 use crate::hybrid::reflected_chart::lit_chart::{LIGHT_NODES, LitChart};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-
-/// The chart off a narrow lobe.
-pub struct AnisotropicChart<'a> {
-    pub(super) chart: &'a LitChart,
-    pub(super) reflectance: &'a Reflectance,
-    pub(super) instructions: Instructions,
-    /// The chart's corner and axes in the lobe's frame, these over the pitch of its patches.
-    pub(super) corner: Vec3,
-    pub(super) axes: [Vec3; 3],
-    /// The corners of patches in the lobe's frame; none if there are too many.
-    pub(super) corners: Vec<Vec3>,
-    /// The light on each patch as in [`LitChart::light`], with channels to fill a vector.
-    pub(super) light: Vec<[[[f64; LIGHT_CHANNELS]; LIGHT_NODES]; LIGHT_NODES]>,
-}
 
 /// Three channels and one that is 0.
 pub const LIGHT_CHANNELS: usize = 4;
 
-impl<'a> AnisotropicChart<'a> {
+/// The chart off a glossy lobe.
+pub struct GlossyChart<'a> {
+    pub(super) reflectance: &'a Reflectance,
+    pub(super) instructions: Instructions,
+    /// The chart, in whole patches.
+    pub(super) plane: ChartPlane,
+    /// Reflectances of whole patches.
+    pub(super) colours: Vec<[f64; 3]>,
+    /// The chart's corner and axes in the lobe's frame, these over the pitch of its patches.
+    corner: Vec3,
+    axes: [Vec3; 3],
+    /// The corners of patches in the lobe's frame; none if there are too many.
+    pub(super) corners: Vec<Vec3>,
+    /// Into how many parts light cuts a patch's side.
+    pub(super) parts: f64,
+    /// The light on each part as in [`LitChart::light`], with channels to fill a vector.
+    pub(super) light: Vec<[[[f64; LIGHT_CHANNELS]; LIGHT_NODES]; LIGHT_NODES]>,
+}
+
+impl<'a> GlossyChart<'a> {
     /// Of a chart and a material.
-    pub fn new(
-        chart: &'a LitChart,
-        reflectance: &'a Reflectance,
-        instructions: Instructions,
-    ) -> Self {
-        let (plane, lobe) = (&chart.plane, &reflectance.lobe);
+    pub fn new(chart: &LitChart, reflectance: &'a Reflectance, instructions: Instructions) -> Self {
+        let lobe = &reflectance.lobe;
+        let plane = chart.whole_plane();
         let per_pitch = 1.0 / plane.pitch;
         let [columns, rows] = [plane.columns, plane.rows].map(|count| count + 1);
         let corners = if (columns * rows) as usize <= CORNERS_MAX {
@@ -45,17 +48,22 @@ impl<'a> AnisotropicChart<'a> {
         } else {
             Vec::new()
         };
+        let colours = (0..(plane.columns * plane.rows) as usize).map(|index| {
+            let [column, row] = plane.cell(index).map(|index| index * chart.parts);
+            chart.patches[chart.patch(column, row)]
+        });
+        let light = chart.light.iter();
         Self {
-            chart,
             reflectance,
             instructions,
+            plane,
+            colours: colours.collect(),
             corner: lobe.to_lobe(plane.corner),
             axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
-            light: chart
-                .light
-                .iter()
-                .map(|patch| patch.map(|row| row.map(|[r, g, b]| [r, g, b, 0.0])))
+            parts: f64::from(chart.parts),
+            light: light
+                .map(|part| part.map(|row| row.map(|[r, g, b]| [r, g, b, 0.0])))
                 .collect(),
         }
     }
@@ -63,7 +71,7 @@ impl<'a> AnisotropicChart<'a> {
 
 /// A point of the sample, a viewer, and how fine to be.
 pub struct Point<'a> {
-    pub(super) anisotropic: &'a AnisotropicChart<'a>,
+    pub(super) glossy: &'a GlossyChart<'a>,
     /// In the lobe's frame.
     pub(super) wo: Vec3,
     pub(super) position: Vec3,
@@ -83,19 +91,19 @@ pub struct Point<'a> {
 
 impl<'a> Point<'a> {
     pub fn new(
-        anisotropic: &'a AnisotropicChart<'a>,
+        glossy: &'a GlossyChart<'a>,
         position: Vec3,
         wo: Vec3,
         knee: f64,
         tolerance: Tolerance,
     ) -> Self {
-        let reflectance = anisotropic.reflectance;
+        let reflectance = glossy.reflectance;
         let lobe = &reflectance.lobe;
         let (wo, position) = (lobe.to_lobe(wo), lobe.to_lobe(position));
-        let [x, y, z] = anisotropic.axes;
-        let offset = position - anisotropic.corner;
+        let [x, y, z] = glossy.axes;
+        let offset = position - glossy.corner;
         // Patches from the chart's plane. A direction w meets it at offset + w height / -(z.w).
-        let pitch = anisotropic.chart.plane.pitch;
+        let pitch = glossy.plane.pitch;
         let height = pitch * z.dot(offset);
         let unit_z = z * pitch;
         let order = if lobe.n_u > PARABOLA_EXPONENT {
@@ -104,7 +112,7 @@ impl<'a> Point<'a> {
             Order::Five
         };
         Self {
-            anisotropic,
+            glossy,
             wo,
             position,
             across: Conic::of(x * height - unit_z * x.dot(offset), wo),
@@ -113,11 +121,7 @@ impl<'a> Point<'a> {
             branches: Branches::new(wo, knee, reflectance.ior),
             tolerance,
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
-            counts: [
-                anisotropic.chart.plane.columns,
-                anisotropic.chart.plane.rows,
-            ]
-            .map(f64::from),
+            counts: [glossy.plane.columns, glossy.plane.rows].map(f64::from),
             order: if tolerance.is_check() {
                 order.finer()
             } else {

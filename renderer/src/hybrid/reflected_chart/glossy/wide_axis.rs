@@ -4,7 +4,7 @@
 use super::conic::Conic;
 use super::line::{Cuts, Lines};
 use super::point::Point;
-use crate::hybrid::budget::anisotropic::{CORNER_DIGITS, PASSAGE, STEP, TAIL_DIGITS};
+use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP, TAIL_DIGITS};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::tolerance::Tolerance;
 
@@ -117,7 +117,7 @@ impl Point<'_> {
 
     /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
     fn rate(&self, q: f64, passages: &[Passage]) -> f64 {
-        let per_width = self.anisotropic.reflectance.lobe.n_v.sqrt();
+        let per_width = self.glossy.reflectance.lobe.n_v.sqrt();
         let covering = passages
             .iter()
             .filter(|passage| (q - passage.middle).abs() * passage.rate < PASSAGE);
@@ -127,7 +127,7 @@ impl Point<'_> {
     /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
     /// horizon beyond.
     fn extent(&self) -> [f64; 2] {
-        let lobe = &self.anisotropic.reflectance.lobe;
+        let lobe = &self.glossy.reflectance.lobe;
         let reach = self.tolerance.reach(lobe.n_v, TAIL_DIGITS);
         let horizon = Conic::level(0.0, self.wo);
         let widest = self.reach / lobe.n_u.sqrt();
@@ -154,8 +154,8 @@ impl Point<'_> {
     ) {
         passages.clear();
         ends.clear();
-        let plane = &self.anisotropic.chart.plane;
-        let lobe = &self.anisotropic.reflectance.lobe;
+        let plane = &self.glossy.plane;
+        let lobe = &self.glossy.reflectance.lobe;
         let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / lobe.n_v.sqrt());
         let counts = [plane.columns, plane.rows];
         let along = [&self.across, &self.up];
@@ -192,13 +192,13 @@ impl Point<'_> {
 
     /// Finds where the integral over p has a kink, and sorts all ends.
     fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
-        let per_width = self.anisotropic.reflectance.lobe.n_u.sqrt();
+        let per_width = self.glossy.reflectance.lobe.n_u.sqrt();
         let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
         let levels = self
             .branches
             .levels()
             .flat_map(|level| level.on_axis().zeros());
-        let corners = self.anisotropic.corners.iter().filter_map(|corner| {
+        let corners = self.glossy.corners.iter().filter_map(|corner| {
             let half = self.wo + (*corner - self.position).normalized();
             let [p, q] = [half.x / half.z, half.y / half.z];
             (p.abs() * per_width < reach).then_some(q)
