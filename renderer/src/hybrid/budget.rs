@@ -83,6 +83,8 @@ pub struct Budget {
     target: f64,
     /// What the bulb's light may miss.
     pub bulb: Accuracy,
+    /// The same where the bulb's image has edges finer than a pixel: there each pixel costs.
+    pub sharp_bulb: Accuracy,
     /// The rule over the bulb where a tile holds the light's logarithm.
     pub bulb_rule: Tolerance,
     /// What the chart's light may miss, seen straight and in the sample.
@@ -108,6 +110,10 @@ impl Budget {
             target,
             bulb: Accuracy {
                 absolute: BULB_SHARE * BULB_FAINT * accuracy.absolute,
+                relative: BULB_SHARE * accuracy.relative,
+            },
+            sharp_bulb: Accuracy {
+                absolute: BULB_SHARE * accuracy.absolute,
                 relative: BULB_SHARE * accuracy.relative,
             },
             bulb_rule: Tolerance::new(direct::RULE_SHARE * target),

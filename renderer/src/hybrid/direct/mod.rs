@@ -41,7 +41,11 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         return log_tiling::integrate(canvas, &view.sample, &demand, &shade);
     }
     let demand = Demand {
-        accuracy: &view.budget.bulb,
+        accuracy: if is_sharp {
+            &view.budget.sharp_bulb
+        } else {
+            &view.budget.bulb
+        },
         faint: view.budget.chart.absolute,
         side_max: feature,
         evaluations_max: view.evaluations_max(LIMIT),
