@@ -3,13 +3,13 @@
 use crate::{
     Material, colour,
     sobol::{self, DIMENSIONS},
-    specification::Parameters,
+    specification::{Parameters, Specification},
 };
 
 /// A material of a set, with the values that its colours were sampled as.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledMaterial {
-    /// The place in the set.
+    /// The index in the set.
     pub index: u32,
     /// Reflectance at 0 degrees, sRGB-encoded, each channel in `[0, 1)`.
     pub srgb0: [f64; 3],
@@ -53,10 +53,19 @@ fn parameter_range(parameter: usize) -> [f64; 2] {
     colour::BIN_RANGES[parameter].1
 }
 
+impl Specification {
+    /// Material `index`: a pure function of the index, the seed and the ranges of the parameters,
+    /// defined for every index, whatever `materials` says. So the first n materials of a set are
+    /// the set of n.
+    pub fn material(&self, index: u32) -> SampledMaterial {
+        sample(self.seed, &self.parameters, index)
+    }
+}
+
 /// Material `index` of the set that a seed and ranges make. The sequence's dimensions are, in
 /// order, roughness, anisotropy, angle, index of refraction, red, green and blue at 0 degrees, and
 /// red, green and blue at 90.
-pub(crate) fn sample(seed: u64, ranges: &Parameters, index: u32) -> SampledMaterial {
+fn sample(seed: u64, ranges: &Parameters, index: u32) -> SampledMaterial {
     let [u_r, u_a, u_psi, u_n, r0, g0, b0, r90, g90, b90] = sobol::point(seed, index);
     let (srgb0, srgb90) = ([r0, g0, b0], [r90, g90, b90]);
     SampledMaterial {

@@ -1,5 +1,6 @@
 //! Which materials train a model and which judge it.
 
+use crate::Specification;
 use crate::keystream::{Purpose, keystream};
 use rand_chacha::rand_core::Rng;
 use serde::{Deserialize, Serialize};
@@ -43,7 +44,15 @@ const PURPOSE: Purpose = Purpose(*b"brdfarm dataset split   ");
 ///
 /// Every block of six has 30 arrangements of one validation, one test and four training
 /// materials; each is as likely as any other, and blocks are independent.
-pub(crate) fn split(seed: u64, index: u32) -> Split {
+impl Specification {
+    /// The split of material `index`: a pure function of the index and the seed. Of materials 6k to
+    /// 6k + 5 four train, one validates and one tests.
+    pub fn split(&self, index: u32) -> Split {
+        split(self.seed, index)
+    }
+}
+
+fn split(seed: u64, index: u32) -> Split {
     const ARRANGEMENTS: u32 = BLOCK_MATERIALS * (BLOCK_MATERIALS - 1);
     // Draws from here up would make the first arrangements likelier: 2^32 is no multiple of 30.
     const UNBIASED_END: u32 = u32::MAX - u32::MAX % ARRANGEMENTS;
@@ -58,8 +67,8 @@ pub(crate) fn split(seed: u64, index: u32) -> Split {
     let among_others = arrangement % (BLOCK_MATERIALS - 1);
     let test = among_others + u32::from(among_others >= validation);
     match index % BLOCK_MATERIALS {
-        place if place == validation => Split::Validation,
-        place if place == test => Split::Test,
+        position if position == validation => Split::Validation,
+        position if position == test => Split::Test,
         _ => Split::Train,
     }
 }
@@ -71,7 +80,9 @@ mod tests {
     #[test]
     fn every_six_have_four_one_and_one() {
         for block in (0..3000).chain([u32::MAX / 6 - 1]) {
-            let mut splits: Vec<_> = (0..6).map(|place| split(2019, block * 6 + place)).collect();
+            let mut splits: Vec<_> = (0..6)
+                .map(|position| split(2019, block * 6 + position))
+                .collect();
             splits.sort();
             assert_eq!(splits[..4], [Split::Train; 4]);
             assert_eq!(splits[4..], [Split::Validation, Split::Test]);

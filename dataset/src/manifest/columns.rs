@@ -1,6 +1,6 @@
 //! The table of columns.
 
-use super::{Column, Image, Kind, Value, blob_path};
+use super::column::{Column, Image, Kind, Value, blob_path};
 use crate::{
     RENDERER_VERSION,
     specification::{Pixel, Tint},

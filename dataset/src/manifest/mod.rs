@@ -3,109 +3,15 @@
 //! A manifest is a function of the images: it has no seconds and no workers' names. The columns
 //! are data, [`columns`], so every format is written from the same table.
 
+mod column;
 mod columns;
 
-use crate::{
-    Digest, ErrorStatistics, ParseDigestError, SampledMaterial, Specification, ViewGeometry,
-    sobol::DIMENSIONS, specification::View,
-};
+use crate::{Digest, ErrorStatistics, ParseDigestError, SampledMaterial, Specification};
+use column::Image;
+pub use column::{Column, CompletedView, Kind, Value, blob_path};
 use columns::COLUMNS;
-use serde::{Deserialize, Serialize, Serializer, ser::SerializeMap};
+use serde::{Serialize, Serializer, ser::SerializeMap};
 use std::fmt;
-
-/// What is known of an image that is in the store.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CompletedView {
-    /// The digest of the file.
-    pub digest: Digest,
-    /// The size of the file.
-    pub bytes: u64,
-    /// The measured error and its cost.
-    pub statistics: ErrorStatistics,
-}
-
-/// Where a store keeps an image, relative to the store: `blobs/` and the first two digits, then all
-/// digits and `.exr`. 256 folders keep each small.
-pub fn blob_path(digest: &Digest) -> String {
-    let hex = digest.to_string();
-    format!("blobs/{}/{hex}.exr", &hex[..2])
-}
-
-/// The type of a column's values.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// UTF-8 text.
-    Text,
-    /// An unsigned integer of 32 bits.
-    U32,
-    /// An unsigned integer of 64 bits.
-    U64,
-    /// A finite 64-bit float.
-    F64,
-    /// True or false.
-    Bool,
-    /// So many finite 64-bit floats; matrices are row-major.
-    F64List(usize),
-}
-
-/// The value of one column in one row.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-#[serde(untagged)]
-pub enum Value {
-    /// Of [`Kind::Text`].
-    Text(String),
-    /// Of [`Kind::U32`].
-    U32(u32),
-    /// Of [`Kind::U64`].
-    U64(u64),
-    /// Of [`Kind::F64`].
-    F64(f64),
-    /// Of [`Kind::Bool`].
-    Bool(bool),
-    /// Of [`Kind::F64List`].
-    F64List(Vec<f64>),
-}
-
-impl Value {
-    /// The kind of column that the value fits.
-    pub fn kind(&self) -> Kind {
-        match self {
-            Self::Text(_) => Kind::Text,
-            Self::U32(_) => Kind::U32,
-            Self::U64(_) => Kind::U64,
-            Self::F64(_) => Kind::F64,
-            Self::Bool(_) => Kind::Bool,
-            Self::F64List(list) => Kind::F64List(list.len()),
-        }
-    }
-}
-
-/// A column of the manifest.
-#[derive(Clone, Copy, Debug)]
-pub struct Column {
-    /// The name, in lower case with underscores.
-    pub name: &'static str,
-    /// The type of its values.
-    pub kind: Kind,
-    /// The unit, `"1"` for pure numbers, empty for what is no quantity.
-    pub unit: &'static str,
-    /// One sentence.
-    pub description: &'static str,
-    value: fn(&Image<'_>) -> Value,
-}
-
-/// All that a row is worked out from.
-struct Image<'a> {
-    specification: &'a Specification,
-    specification_hash: Digest,
-    sampled: &'a SampledMaterial,
-    bins: [u8; DIMENSIONS],
-    view_index: u32,
-    view: &'a View,
-    geometry: ViewGeometry,
-    done: &'a CompletedView,
-}
 
 /// The columns in order.
 pub fn columns() -> &'static [Column] {
@@ -130,10 +36,10 @@ impl Row {
         view: u32,
         done: &CompletedView,
     ) -> Self {
-        let place = view as usize;
+        let index = view as usize;
         let (Some(geometry), Some(described)) = (
-            specification.view_geometry(place),
-            specification.views.get(place),
+            specification.view_geometry(index),
+            specification.views.get(index),
         ) else {
             unreachable!("a row of view {view}, but the specification has none of that index");
         };

@@ -2,23 +2,14 @@
 
 use super::{
     Accuracy, Camera, Checker, Image, Integrator, IntegratorKind, Light, Parameters, Pixel, Sample,
-    Specification, Tint, View, error::SpecificationError, read::Reader,
+    Specification, Tint, View,
+    error::SpecificationError,
+    reader::{Field, Reader},
 };
 use toml::{
     Spanned,
     de::{DeInteger, DeValue},
 };
-
-/// What a value is read into.
-pub(super) trait Field {
-    /// Replaces what the value says. The range is checked later, with everything else.
-    fn read(
-        &mut self,
-        value: &Spanned<DeValue<'_>>,
-        key: &str,
-        reader: &mut Reader<'_>,
-    ) -> Result<(), SpecificationError>;
-}
 
 /// What a view has where its table says nothing.
 const PLAIN_VIEW: View = View {

@@ -9,11 +9,11 @@ mod error;
 mod fields;
 pub mod limits;
 mod read;
+mod reader;
 mod suggest;
 
 pub use error::{Place, SpecificationError};
 
-use crate::{SampledMaterial, Split, sampling, split};
 use serde::{Deserialize, Serialize};
 
 /// A complete, checked dataset specification: [`Specification::preset`],
@@ -48,21 +48,6 @@ pub struct Specification {
     pub checker: Checker,
     /// The views of every material, in order.
     pub views: Vec<View>,
-}
-
-impl Specification {
-    /// Material `index`: a pure function of the index, the seed and the ranges of the parameters,
-    /// defined for every index, whatever `materials` says. So the first n materials of a set are
-    /// the set of n.
-    pub fn material(&self, index: u32) -> SampledMaterial {
-        sampling::sample(self.seed, &self.parameters, index)
-    }
-
-    /// The split of material `index`: a pure function of the index and the seed. Of materials 6k to
-    /// 6k + 5 four train, one validates and one tests.
-    pub fn split(&self, index: u32) -> Split {
-        split::split(self.seed, index)
-    }
 }
 
 /// How the tint of a reflection is formed from Fresnel's reflectance and the two colours.

@@ -5,22 +5,17 @@
 //! nearly a parabola. So a tile of the logarithm spans what many tiles of the function would.
 
 use crate::numerics::batch::LANES;
+use crate::numerics::chebyshev::{self, Nodes, left_out};
 use crate::numerics::elementary::exp;
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
 use crate::numerics::polygon::{Polygon, Rectangle};
-use std::f64::consts::PI;
 
 /// Terms of the series along each side of a tile.
 pub const TERMS: usize = 10;
 
 /// The logarithm and the three channels of the tint.
 const PARTS: usize = 4;
-
-/// The last terms along a side, by which what the series leaves out is judged, and the share of
-/// them that it leaves out less than: see `chebyshev.rs`.
-const TAIL: usize = 2;
-const LEFT_OUT: f64 = 0.4;
 
 /// The most Gauss points along a side of a pixel.
 pub const POINTS_MAX: usize = 12;
@@ -60,34 +55,17 @@ pub struct LogFit {
 }
 
 /// The nodes of a tile and the series through values at them.
-pub struct LogBasis {
-    points: [f64; TERMS],
-    transform: [[f64; TERMS]; TERMS],
-}
+pub struct LogBasis(Nodes<TERMS>);
 
 impl LogBasis {
     /// The basis.
     pub fn new() -> Self {
-        let count = TERMS as f64;
-        let cosine = |multiple: usize| libm::cos(0.5 * PI * multiple as f64 / count);
-        Self {
-            points: std::array::from_fn(|k| cosine(2 * k + 1)),
-            transform: std::array::from_fn(|i| {
-                let scale = if i == 0 { 1.0 } else { 2.0 } / count;
-                std::array::from_fn(|k| scale * cosine(i * (2 * k + 1)))
-            }),
-        }
+        Self(Nodes::new())
     }
 
     /// The nodes of a rectangle, row by row.
     pub fn nodes(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let (Rectangle { low, high }, points) = (*rectangle, self.points);
-        let at = move |axis: usize, point: f64| {
-            0.5 * (low[axis] + high[axis]) + 0.5 * (high[axis] - low[axis]) * point
-        };
-        points
-            .into_iter()
-            .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
+        self.0.on(rectangle)
     }
 
     /// Interpolates a function of these values at [`LogBasis::nodes`].
@@ -96,37 +74,39 @@ impl LogBasis {
         rectangle: Rectangle,
         at_nodes: impl Iterator<Item = TintedLog>,
     ) -> (LogTile, LogFit) {
-        let mut values = [[[0.0; TERMS]; TERMS]; PARTS];
+        let mut values = [[[0.0; PARTS]; TERMS]; TERMS];
         let (mut brightest, mut faintest, mut highest) = (0.0f64, 1.0f64, f64::NEG_INFINITY);
-        for (index, TintedLog { log, tint }) in at_nodes.enumerate() {
-            let (row, column) = (index / TERMS, index % TERMS);
-            for (part, value) in values.iter_mut().zip([log, tint[0], tint[1], tint[2]]) {
-                part[row][column] = value;
-            }
+        for (node, TintedLog { log, tint }) in values.iter_mut().flatten().zip(at_nodes) {
+            *node = [log, tint[0], tint[1], tint[2]];
             let largest = tint[0].max(tint[1]).max(tint[2]);
             (brightest, faintest) = (brightest.max(largest), faintest.min(largest));
             highest = highest.max(log);
         }
-        let coefficients = values.each_ref().map(|part| self.transformed(part));
+        let coefficients = self.0.coefficients(&values);
+        let mut tails = [[0.0; 2]; PARTS];
+        let left_out: [f64; PARTS] =
+            std::array::from_fn(|part| left_out(&coefficients, part, &mut tails[part]));
         let tile = LogTile {
             rectangle,
-            coefficients,
+            coefficients: std::array::from_fn(|part| {
+                coefficients.map(|line| line.map(|parts| parts[part]))
+            }),
         };
-        let left_out = coefficients.each_ref().map(left_out);
-        let log_error = left_out[0].0;
-        let mut tails = left_out[0].1;
+        let log_error = left_out[0];
+        let [mut tails, tint_tails @ ..] = tails;
         let mut error = log_error;
         if brightest > 0.0 {
-            let tint_error = left_out[1..].iter().map(|part| part.0).fold(0.0, f64::max);
+            let tint_error = left_out[1..].iter().copied().fold(0.0, f64::max);
             let faintest = faintest.max(f64::MIN_POSITIVE);
             error += tint_error / faintest;
-            for (_, [columns, rows]) in &left_out[1..] {
+            for [columns, rows] in tint_tails {
                 tails[0] += columns / faintest;
                 tails[1] += rows / faintest;
             }
         }
         let sides = rectangle.sides();
-        let steepest = [0, 1].map(|axis| self.steepest(&values[0], axis));
+        let logs = values.map(|line| line.map(|parts| parts[0]));
+        let steepest = [0, 1].map(|axis| self.steepest(&logs, axis));
         let fit = LogFit {
             error,
             tails,
@@ -135,26 +115,6 @@ impl LogBasis {
             curvatures: [0, 1].map(|axis| steepest[axis][1] * 4.0 / (sides[axis] * sides[axis])),
         };
         (tile, fit)
-    }
-
-    fn transformed(&self, values: &[[f64; TERMS]; TERMS]) -> [[f64; TERMS]; TERMS] {
-        let mut lines = [[0.0; TERMS]; TERMS];
-        for (line, from) in lines.iter_mut().zip(values) {
-            for (sum, transform) in line.iter_mut().zip(&self.transform) {
-                for (value, factor) in from.iter().zip(transform) {
-                    *sum += value * factor;
-                }
-            }
-        }
-        let mut coefficients = [[0.0; TERMS]; TERMS];
-        for (into, transform) in coefficients.iter_mut().zip(&self.transform) {
-            for (line, factor) in lines.iter().zip(transform) {
-                for (sum, value) in into.iter_mut().zip(line) {
-                    *sum += value * factor;
-                }
-            }
-        }
-        coefficients
     }
 
     /// The steepest slope and the largest curvature between neighbouring nodes along an axis, on
@@ -167,35 +127,19 @@ impl LogBasis {
                 _ => values[k][other],
             };
             let slope = |k: usize| {
-                let step = self.points[k] - self.points[k - 1];
+                let step = self.0.points[k] - self.0.points[k - 1];
                 (value(k) - value(k - 1)) / step
             };
             for k in 1..TERMS {
                 steepest = steepest.max(slope(k).abs());
             }
             for k in 2..TERMS {
-                let between = 0.5 * (self.points[k] - self.points[k - 2]).abs();
+                let between = 0.5 * (self.0.points[k] - self.0.points[k - 2]).abs();
                 bent = bent.max((slope(k) - slope(k - 1)).abs() / between);
             }
         }
         [steepest, bent]
     }
-}
-
-/// What a series leaves out, by its last coefficients, and those along columns and along rows.
-fn left_out(coefficients: &[[f64; TERMS]; TERMS]) -> (f64, [f64; 2]) {
-    let (mut error, mut tails) = (0.0, [0.0; 2]);
-    for (j, line) in coefficients.iter().enumerate() {
-        for (i, coefficient) in line.iter().enumerate() {
-            let size = coefficient.abs();
-            let last = [i, j].map(|index| index >= TERMS - TAIL);
-            for (tail, last) in tails.iter_mut().zip(last) {
-                *tail += if last { size } else { 0.0 };
-            }
-            error += if last[0] || last[1] { size } else { 0.0 };
-        }
-    }
-    (LEFT_OUT * error, tails)
 }
 
 /// Gauss points along a pixel over which the logarithm of a function changes by `change`, for a
@@ -273,7 +217,7 @@ impl LogTile {
             sums.clear();
             sums.resize(lines.len(), [[0.0; LANES]; 3]);
             for (y, weight) in rules[1].on(low, high) {
-                let rows = chebyshev(self.local(1, y));
+                let rows = chebyshev::values::<TERMS>(self.rectangle.local(1, y));
                 add_row(instructions, lines, &rows, weight, sums);
             }
             for (index, across) in edges[0].windows(2).enumerate() {
@@ -322,7 +266,7 @@ impl LogTile {
 
     /// The coefficients along the column x.
     fn contracted(&self, x: f64) -> [[f64; TERMS]; PARTS] {
-        let columns = chebyshev(self.local(0, x));
+        let columns = chebyshev::values::<TERMS>(self.rectangle.local(0, x));
         self.coefficients.each_ref().map(|part| {
             part.each_ref().map(|line| {
                 let mut sum = 0.0;
@@ -349,7 +293,7 @@ impl LogTile {
                 };
                 let line = self.contracted(x);
                 for (y, along) in rules[1].on(low, high) {
-                    let rows = chebyshev(self.local(1, y));
+                    let rows = chebyshev::values::<TERMS>(self.rectangle.local(1, y));
                     let parts = line.each_ref().map(|part| {
                         let mut sum = 0.0;
                         for (coefficient, factor) in part.iter().zip(&rows) {
@@ -366,19 +310,4 @@ impl LogTile {
         }
         sum
     }
-
-    fn local(&self, axis: usize, at: f64) -> f64 {
-        let Rectangle { low, high } = &self.rectangle;
-        (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
-    }
-}
-
-/// T_0, T_1, ... at x.
-fn chebyshev(x: f64) -> [f64; TERMS] {
-    let mut values = [1.0; TERMS];
-    values[1] = x;
-    for i in 2..TERMS {
-        values[i] = 2.0 * x * values[i - 1] - values[i - 2];
-    }
-    values
 }

@@ -11,12 +11,11 @@
 
 use super::canvas::Canvas;
 use super::log_tile::{LOG_MAX, LogBasis, LogFit, PixelSums, TintedLog, points_for_change};
-use super::tiling::roots;
+use super::refine::{refine, roots};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
-use rayon::prelude::*;
 
 /// The largest tile to begin with, in pixels.
 const ROOT_SIDE: f64 = 64.0;
@@ -106,37 +105,24 @@ pub fn integrate<S: LogShade>(
         shade,
         basis: LogBasis::new(),
     };
-    let mut open = roots(bounds, ROOT_SIDE);
-    let mut evaluations = 0;
-    // All tiles of a size before any smaller one, and in rounds of a fixed size: where evaluations
-    // run out does not depend on the schedule of threads. A tile sees how bright its pixel has
-    // become in the rounds before.
-    while !open.is_empty() {
-        let mut halves = Vec::new();
-        for round in open.chunks(TILES_A_ROUND) {
-            let exhausted = evaluations >= demand.evaluations_max;
-            let so_far = &*canvas;
-            let grown: Vec<(Growth, u64)> = round
-                .par_iter()
-                .map_init(Buffers::default, |buffers, rectangle| {
-                    tiling.grow(rectangle, so_far, exhausted, buffers)
-                })
-                .collect();
-            for (growth, spent) in grown {
-                evaluations += spent;
-                match growth {
-                    Growth::Pixels(pixels) => {
-                        for (index, value, error) in pixels {
-                            canvas.add(index, value, error);
-                        }
-                    }
-                    Growth::Halves(parts) => halves.extend(parts),
+    // A tile sees how bright its pixel has become in the rounds before.
+    refine(
+        canvas,
+        roots(bounds, ROOT_SIDE),
+        TILES_A_ROUND,
+        |so_far, spent, rectangle, buffers| {
+            tiling.grow(rectangle, so_far, spent >= demand.evaluations_max, buffers)
+        },
+        |canvas, growth| match growth {
+            Growth::Pixels(pixels) => {
+                for (index, value, error) in pixels {
+                    canvas.add(index, value, error);
                 }
+                None
             }
-        }
-        open = halves;
-    }
-    evaluations
+            Growth::Halves(halves) => Some(halves),
+        },
+    )
 }
 
 /// What a rectangle of the film came to.

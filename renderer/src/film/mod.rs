@@ -4,6 +4,7 @@ pub(crate) mod canvas;
 pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 mod pixel;
+mod refine;
 pub(crate) mod tiling;
 
 use dataset::{ErrorStatistics, specification::Accuracy};

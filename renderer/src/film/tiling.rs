@@ -7,13 +7,13 @@
 //! quadrature.
 
 use super::canvas::Canvas;
+use super::refine::{refine, roots};
 use super::{FilmPixel, pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Tile};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
-use rayon::prelude::*;
 
 /// Terms of the series along each side of a tile.
 const TERMS: usize = 8;
@@ -108,52 +108,29 @@ pub fn integrate<S: Shade>(
             .flat_map(|region| region.factor)
             .fold(0.0, f64::max),
     };
-    let mut open = roots(bounds, demand.side_max.max(1.0));
-    let mut evaluations = 0;
-    // All tiles of a size come before any smaller one, so that evaluations run out everywhere at
-    // once. The limit is looked at after a fixed number of tiles, whatever the schedule of threads.
-    while !open.is_empty() {
-        let mut smaller = Vec::new();
-        for tiles in open.chunks(TILES_A_LOOK) {
-            let effort = Effort::after(evaluations, demand.evaluations_max);
-            let grown: Vec<(Growth, u64)> = tiles
-                .par_iter()
-                .map_init(S::Scratch::default, |scratch, rectangle| {
-                    tiling.grow(rectangle, effort, scratch)
-                })
-                .collect();
-            for (growth, spent) in grown {
-                evaluations += spent;
-                match growth {
-                    Growth::Nothing => {}
-                    Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
-                    Growth::Pixel(cell, parts) => {
-                        for (region, (value, error)) in regions.iter().zip(parts) {
-                            add_region(canvas, &cell, region, value, error);
-                        }
+    let open = roots(bounds, demand.side_max.max(1.0));
+    refine(
+        canvas,
+        open,
+        TILES_A_LOOK,
+        |_, spent, rectangle, scratch| {
+            let effort = Effort::after(spent, demand.evaluations_max);
+            tiling.grow(rectangle, effort, scratch)
+        },
+        |canvas, growth| {
+            match growth {
+                Growth::Nothing => {}
+                Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
+                Growth::Pixel(cell, parts) => {
+                    for (region, (value, error)) in regions.iter().zip(parts) {
+                        add_region(canvas, &cell, region, value, error);
                     }
-                    Growth::Halves(halves) => smaller.extend(halves),
                 }
+                Growth::Halves(halves) => return Some(halves),
             }
-        }
-        open = smaller;
-    }
-    evaluations
-}
-
-/// A rectangle cut into parts whose sides are at most `side_max`.
-pub fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
-    let (mut open, mut roots) = (vec![rectangle], Vec::new());
-    while let Some(rectangle) = open.pop() {
-        let sides = rectangle.sides();
-        let longest = usize::from(sides[1] > sides[0]);
-        if sides[longest] > side_max {
-            open.extend(rectangle.halves(longest));
-        } else {
-            roots.push(rectangle);
-        }
-    }
-    roots
+            None
+        },
+    )
 }
 
 /// What a rectangle of the film came to.
@@ -349,18 +326,30 @@ impl<S: Shade> Tiling<'_, S> {
         let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
         let brightest = mean[0].max(mean[1]).max(mean[2]);
         let allowed = self.allowed(before + self.gain * brightest, effort);
-        let parts = self
-            .regions
-            .iter()
-            .map(|region| {
-                let covered = region.outline.clipped(rectangle);
-                let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
-                    evaluate([column, row], tolerance)
-                });
-                (value, error + missed * covered.area())
-            })
-            .collect();
+        let parts = self.pixel(rectangle, steep, allowed, missed, |film_point| {
+            evaluate(film_point, tolerance)
+        });
         (Growth::Pixel(*rectangle, parts), spent)
+    }
+
+    /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
+    /// and its error: what the quadrature misses, and `missed` of the function.
+    fn pixel(
+        &self,
+        rectangle: &Rectangle,
+        steep: usize,
+        allowed: f64,
+        missed: f64,
+        mut function: impl FnMut([f64; 2]) -> [f64; 3],
+    ) -> Vec<([f64; 3], f64)> {
+        let integral = |region: &Region| {
+            let covered = region.outline.clipped(rectangle);
+            let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
+                function([column, row])
+            });
+            (value, error + missed * covered.area())
+        };
+        self.regions.iter().map(integral).collect()
     }
 
     /// How fine the function has to be worked out on a rectangle, and what it may then be off by.

@@ -168,7 +168,7 @@ pub fn is_glossy(reflectance: &Reflectance) -> bool {
 
 /// The bulb's light off the sample.
 pub mod direct {
-    use super::Limit;
+    use crate::hybrid::budget::Limit;
 
     /// The share of the target that the rule over the bulb may miss. Chosen.
     pub(super) const RULE_SHARE: f64 = 1e-2;
@@ -231,7 +231,7 @@ pub mod direct {
 
 /// The chart as the camera sees it straight, and what all kinds of lobes share.
 pub mod reflected_chart {
-    use super::Limit;
+    use crate::hybrid::budget::Limit;
 
     /// Each evaluation takes longer than one of the bulb's: a tenth of the bulb's limit on small films.
     pub const LIMIT: Limit = Limit {
@@ -269,7 +269,7 @@ pub mod wide {
 
 /// The chart off a glossy lobe.
 pub mod glossy {
-    use super::Limit;
+    use crate::hybrid::budget::Limit;
 
     /// Above this exponent along its narrower axis a lobe is glossy. Measured on 40 materials of the
     /// preset: above it rules along the lobe's axes take half the time of those along the chart's to

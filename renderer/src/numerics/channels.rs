@@ -1,7 +1,7 @@
 //! Values of three channels: red, green and blue.
 
 /// Adds `value * factor` to `sum`.
-pub fn add_scaled(sum: &mut [f64; 3], value: [f64; 3], factor: f64) {
+pub fn add_scaled<const N: usize>(sum: &mut [f64; N], value: [f64; N], factor: f64) {
     for (sum, value) in sum.iter_mut().zip(value) {
         *sum += value * factor;
     }

@@ -31,17 +31,17 @@ pub struct Fit {
     pub least: f64,
 }
 
-/// The points of a rectangle at which a function has to be known, and its series from there.
+/// Chebyshev's points, and the series through values at them.
 #[derive(Clone, Debug)]
-pub struct Basis<const TERMS: usize> {
-    /// Chebyshev's points on [-1, 1].
-    points: [f64; TERMS],
+pub struct Nodes<const TERMS: usize> {
+    /// The points on [-1, 1].
+    pub points: [f64; TERMS],
     /// Coefficients from values at the points.
     transform: [[f64; TERMS]; TERMS],
 }
 
-impl<const TERMS: usize> Basis<TERMS> {
-    /// The basis.
+impl<const TERMS: usize> Nodes<TERMS> {
+    /// The points and their series.
     pub fn new() -> Self {
         let count = TERMS as f64;
         // cos(pi k / (2 n)) serves all of them: angles are odd multiples of pi / (2 n).
@@ -56,7 +56,7 @@ impl<const TERMS: usize> Basis<TERMS> {
     }
 
     /// The nodes of a rectangle, row by row.
-    pub fn nodes(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
+    pub fn on(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
         let (Rectangle { low, high }, points) = (*rectangle, self.points);
         let at = move |axis: usize, point: f64| {
             0.5 * (low[axis] + high[axis]) + 0.5 * (high[axis] - low[axis]) * point
@@ -66,12 +66,74 @@ impl<const TERMS: usize> Basis<TERMS> {
             .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
     }
 
+    /// The coefficients [j][i] of T_i along columns times T_j along rows, from values at the nodes.
+    pub fn coefficients<const N: usize>(
+        &self,
+        values: &[[[f64; N]; TERMS]; TERMS],
+    ) -> [[[f64; N]; TERMS]; TERMS] {
+        let mut lines = [[[0.0; N]; TERMS]; TERMS];
+        for (into, from) in lines.iter_mut().zip(values) {
+            for (sum, transform) in into.iter_mut().zip(&self.transform) {
+                for (value, factor) in from.iter().zip(transform) {
+                    add_scaled(sum, *value, *factor);
+                }
+            }
+        }
+        let mut coefficients = [[[0.0; N]; TERMS]; TERMS];
+        for (into, transform) in coefficients.iter_mut().zip(&self.transform) {
+            for (from, factor) in lines.iter().zip(transform) {
+                for (sum, value) in into.iter_mut().zip(from) {
+                    add_scaled(sum, *value, *factor);
+                }
+            }
+        }
+        coefficients
+    }
+}
+
+/// What the series of one part of a function leaves out, by the sizes of its last coefficients. Adds
+/// those along columns and along rows to `tails`.
+pub fn left_out<const N: usize, const TERMS: usize>(
+    coefficients: &[[[f64; N]; TERMS]; TERMS],
+    part: usize,
+    tails: &mut [f64; 2],
+) -> f64 {
+    let mut error = 0.0;
+    for (j, line) in coefficients.iter().enumerate() {
+        for (i, coefficient) in line.iter().enumerate() {
+            let size = coefficient[part].abs();
+            let last = [i, j].map(|index| index >= TERMS - TAIL);
+            for (tail, last) in tails.iter_mut().zip(last) {
+                *tail += if last { size } else { 0.0 };
+            }
+            error += if last[0] || last[1] { size } else { 0.0 };
+        }
+    }
+    LEFT_OUT * error
+}
+
+/// The points of a rectangle at which a function of three channels has to be known, and its series
+/// from there.
+#[derive(Clone, Debug)]
+pub struct Basis<const TERMS: usize>(Nodes<TERMS>);
+
+impl<const TERMS: usize> Basis<TERMS> {
+    /// The basis.
+    pub fn new() -> Self {
+        Self(Nodes::new())
+    }
+
+    /// The nodes of a rectangle, row by row.
+    pub fn nodes(&self, rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
+        self.0.on(rectangle)
+    }
+
     /// What series through the values on one row and on one column of nodes leave out, along each:
     /// part of what a fit of all nodes finds.
     pub fn cross_tails(&self, row: &[[f64; 3]; TERMS], column: &[[f64; 3]; TERMS]) -> [f64; 2] {
         [row, column].map(|line| {
             let mut sums = [0.0; 3];
-            for transform in &self.transform[TERMS - TAIL..] {
+            for transform in &self.0.transform[TERMS - TAIL..] {
                 let mut coefficient = [0.0; 3];
                 for (value, factor) in line.iter().zip(transform) {
                     add_scaled(&mut coefficient, *value, *factor);
@@ -95,23 +157,11 @@ impl<const TERMS: usize> Basis<TERMS> {
             let brightest = value[0].max(value[1]).max(value[2]);
             least = least.min(brightest);
         }
-        let mut lines = [[[0.0; 3]; TERMS]; TERMS];
-        for (into, from) in lines.iter_mut().zip(&values) {
-            for (sum, transform) in into.iter_mut().zip(&self.transform) {
-                for (value, factor) in from.iter().zip(transform) {
-                    add_scaled(sum, *value, *factor);
-                }
-            }
+        let coefficients = self.0.coefficients(&values);
+        let (mut error, mut tails) = (0.0f64, [0.0; 2]);
+        for channel in 0..3 {
+            error = error.max(left_out(&coefficients, channel, &mut tails));
         }
-        let mut coefficients = [[[0.0; 3]; TERMS]; TERMS];
-        for (into, transform) in coefficients.iter_mut().zip(&self.transform) {
-            for (from, factor) in lines.iter().zip(transform) {
-                for (sum, value) in into.iter_mut().zip(from) {
-                    add_scaled(sum, *value, *factor);
-                }
-            }
-        }
-        let (error, tails) = tails(&coefficients);
         let fit = Fit {
             error,
             tails,
@@ -155,7 +205,7 @@ impl<const TERMS: usize> Tile<TERMS> {
         let along = |axis: usize, edges: &[f64]| -> Vec<[f64; TERMS]> {
             let at_edges: Vec<[f64; TERMS]> = edges
                 .iter()
-                .map(|&edge| antiderivatives(self.local(axis, edge)))
+                .map(|&edge| antiderivatives(self.rectangle.local(axis, edge)))
                 .collect();
             at_edges
                 .windows(2)
@@ -178,8 +228,8 @@ impl<const TERMS: usize> Tile<TERMS> {
         let [width, height] = self.rectangle.sides();
         let factors: [[f64; TERMS]; 2] = std::array::from_fn(|axis| {
             integrals(
-                self.local(axis, cell.low[axis]),
-                self.local(axis, cell.high[axis]),
+                self.rectangle.local(axis, cell.low[axis]),
+                self.rectangle.local(axis, cell.high[axis]),
             )
         });
         self.contract(&factors[0], &factors[1])
@@ -190,8 +240,8 @@ impl<const TERMS: usize> Tile<TERMS> {
     pub fn integral_over(&self, polygon: &Polygon) -> ([f64; 3], f64) {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
         polygon.for_each_point(|[column, row], weight| {
-            let x = values(self.local(0, column));
-            let y = values(self.local(1, row));
+            let x = values(self.rectangle.local(0, column));
+            let y = values(self.rectangle.local(1, row));
             add_scaled(&mut sum, self.contract(&x, &y), weight);
             area += weight;
         });
@@ -201,7 +251,7 @@ impl<const TERMS: usize> Tile<TERMS> {
     /// The value at a point.
     pub fn value(&self, at: [f64; 2]) -> [f64; 3] {
         let factors: [[f64; TERMS]; 2] =
-            std::array::from_fn(|axis| values(self.local(axis, at[axis])));
+            std::array::from_fn(|axis| values(self.rectangle.local(axis, at[axis])));
         self.contract(&factors[0], &factors[1])
     }
 
@@ -216,11 +266,6 @@ impl<const TERMS: usize> Tile<TERMS> {
             rectangle: self.rectangle,
             coefficients,
         }
-    }
-
-    fn local(&self, axis: usize, at: f64) -> f64 {
-        let Rectangle { low, high } = &self.rectangle;
-        (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
     }
 
     fn contract(&self, x: &[f64; TERMS], y: &[f64; TERMS]) -> [f64; 3] {
@@ -240,29 +285,8 @@ fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS])
     sum
 }
 
-/// The sizes of the last coefficients, of the worst channel; and the part of them along columns and
-/// along rows, of all channels.
-fn tails<const TERMS: usize>(coefficients: &[[[f64; 3]; TERMS]; TERMS]) -> (f64, [f64; 2]) {
-    let (mut worst, mut tails) = (0.0f64, [0.0; 2]);
-    for channel in 0..3 {
-        let mut error = 0.0;
-        for (j, line) in coefficients.iter().enumerate() {
-            for (i, coefficient) in line.iter().enumerate() {
-                let size = coefficient[channel].abs();
-                let last = [i, j].map(|index| index >= TERMS - TAIL);
-                for (tail, last) in tails.iter_mut().zip(last) {
-                    *tail += if last { size } else { 0.0 };
-                }
-                error += if last[0] || last[1] { size } else { 0.0 };
-            }
-        }
-        worst = worst.max(LEFT_OUT * error);
-    }
-    (worst, tails)
-}
-
 /// T_0, T_1, ... at x.
-fn values<const TERMS: usize>(x: f64) -> [f64; TERMS] {
+pub fn values<const TERMS: usize>(x: f64) -> [f64; TERMS] {
     let mut values = [1.0; TERMS];
     values[1] = x;
     for i in 2..TERMS {

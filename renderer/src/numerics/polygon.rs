@@ -24,6 +24,12 @@ impl Rectangle {
         std::array::from_fn(|axis| self.high[axis] - self.low[axis])
     }
 
+    /// A coordinate along an axis, -1 at the low end and 1 at the high one.
+    pub fn local(&self, axis: usize, at: f64) -> f64 {
+        let Self { low, high } = self;
+        (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
+    }
+
     /// The corners.
     pub fn corners(&self) -> [[f64; 2]; 4] {
         let ([left, top], [right, bottom]) = (self.low, self.high);

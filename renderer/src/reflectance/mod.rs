@@ -17,8 +17,10 @@
 pub mod fresnel;
 pub mod lobe;
 pub(crate) mod slope_plane;
+pub(crate) mod specular;
 mod tint;
 
+pub(crate) use tint::LUMINANCE;
 pub use tint::{TintResponse, tint};
 
 use crate::vector::Vec3;

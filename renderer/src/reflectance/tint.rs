@@ -3,7 +3,7 @@
 use dataset::specification::Tint;
 
 /// Luminance weights of linear Rec.709.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
+pub const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// The tint of a reflection of Fresnel reflectance `fresnel` (0 to 1) by the colour `colour`
 /// (linear Rec.709, channels 0 to 1). Every channel of the result lies in 0 to 1.

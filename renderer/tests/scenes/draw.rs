@@ -133,7 +133,15 @@ fn far(random: &mut Random) -> Specification {
     if random.chance(0.6) {
         specification.integrator.max_bounces = random.log_integer(1, 16);
     }
+    draw_lengths(&mut specification, random);
+    draw_view(&mut specification, random);
+    draw_chart(&mut specification, random);
+    bound_work(&mut specification);
+    specification
+}
 
+/// The lengths of sample, camera and light.
+fn draw_lengths(specification: &mut Specification, random: &mut Random) {
     let side = random.log_uniform(0.001, 10.0);
     specification.sample.side_m = side;
     specification.camera.distance_m = if random.chance(0.7) {
@@ -154,7 +162,10 @@ fn far(random: &mut Random) -> Specification {
     };
     let radius = specification.light.distance_m * random.log_uniform(1e-3, 0.9);
     specification.light.radius_m = radius.clamp(1e-4, 100.0);
+}
 
+/// The angles of the one view.
+fn draw_view(specification: &mut Specification, random: &mut Random) {
     let camera_elevation_deg = elevation(random);
     let light_elevation_deg = if random.chance(0.3) {
         camera_elevation_deg
@@ -167,6 +178,11 @@ fn far(random: &mut Random) -> Specification {
         rotation_deg: random.uniform(-360.0, 360.0),
         checker: random.chance(0.6),
     }];
+}
+
+/// The colour chart beside the sample.
+fn draw_chart(specification: &mut Specification, random: &mut Random) {
+    let side = specification.sample.side_m;
     let checker = &mut specification.checker;
     let gap = if random.chance(0.3) {
         0.0
@@ -180,13 +196,11 @@ fn far(random: &mut Random) -> Specification {
         random.uniform(0.0, 90.0)
     };
     if random.chance(0.7) {
-        draw_patches(&mut specification, random);
+        draw_patches(specification, random);
     }
     let checker = &mut specification.checker;
     let rows = f64::from(checker.rows.max(checker.columns));
     checker.pitch_m = (side * random.log_uniform(0.1, 10.0) / rows).clamp(1e-4, 10.0);
-    bound_work(&mut specification);
-    specification
 }
 
 /// The work of a rendering grows with its pixels, and beyond bounds with the tolerance's inverse.

@@ -142,19 +142,11 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
     );
     let sampled = !outcome.hybrid
         || (case.specification.views[0].checker && reflectance.lobe.n_u > SAMPLED_EXPONENT);
-    let slack = |of_sampled: f64| if sampled { of_sampled } else { 1.0 };
-    let limit = |specification: &Specification, pixel: &FilmPixel| {
-        let stated = slack(SAMPLED_SLACK) * pixel.error;
-        target(&specification.accuracy, pixel.value).max(stated)
-    };
-    let wide_limit = |specification: &Specification, pixel: &FilmPixel| {
-        let stated = slack(SAMPLED_SLACK_OF_FINER) * pixel.error;
-        target(&specification.accuracy, pixel.value).max(stated)
-    };
     let film = &rendering.film;
     if outcome.hybrid && seconds < SECONDS_FOR_FINER {
+        let limit = limit(if sampled { SAMPLED_SLACK_OF_FINER } else { 1.0 });
         for &kind in effort.finer {
-            match finer(case, film, kind, &wide_limit) {
+            match finer(case, film, kind, &limit) {
                 Ok(Some(finding)) => outcome.findings.push(finding),
                 Ok(None) => {}
                 Err(error) => outcome.findings.push(broken(&error)),
@@ -162,6 +154,29 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         }
     }
     let reference = Reference::new(&case.specification, reflectance);
+    let limit = limit(if sampled { SAMPLED_SLACK } else { 1.0 });
+    compare_pixels(case, film, &reference, &limit, effort, &mut outcome);
+    outcome
+}
+
+/// What a pixel may be off by: its target, or `slack` times its stated error where that is more.
+fn limit(slack: f64) -> impl Fn(&Specification, &FilmPixel) -> f64 + Sync {
+    move |specification, pixel| {
+        let stated = slack * pixel.error;
+        target(&specification.accuracy, pixel.value).max(stated)
+    }
+}
+
+/// Compares some pixels with the reference, among them those in which the finer renderings found
+/// something.
+fn compare_pixels(
+    case: &Case,
+    film: &Film,
+    reference: &Reference,
+    limit: &(impl Fn(&Specification, &FilmPixel) -> f64 + Sync),
+    effort: Effort,
+    outcome: &mut Outcome,
+) {
     let mut pixels = chosen(case, film, &reference.scene, effort.pixels_max);
     for finding in &outcome.findings {
         if !pixels.contains(&finding.pixel) {
@@ -174,14 +189,8 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
             let pixel = at(film, index);
             let limit = limit(&case.specification, &pixel);
             let suspect = outcome.findings.iter().any(|one| one.pixel == index);
-            compare(
-                &reference,
-                index,
-                &pixel,
-                limit,
-                effort.samples_max,
-                suspect,
-            )
+            let samples_max = effort.samples_max;
+            compare(reference, index, &pixel, limit, samples_max, suspect)
         })
         .collect();
     outcome.compared = pixels.len();
@@ -193,18 +202,16 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
             _ => "",
         };
     }
+    let kind = if outcome.hybrid {
+        Kind::Reference
+    } else {
+        Kind::Path
+    };
     for (finding, coarse) in compared {
         outcome.coarse += usize::from(coarse);
-        outcome.findings.extend(finding.map(|finding| Finding {
-            kind: if outcome.hybrid {
-                Kind::Reference
-            } else {
-                Kind::Path
-            },
-            ..finding
-        }));
+        let finding = finding.map(|finding| Finding { kind, ..finding });
+        outcome.findings.extend(finding);
     }
-    outcome
 }
 
 /// The image, as `brdfarm render` makes it.

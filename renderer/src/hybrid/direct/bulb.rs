@@ -16,12 +16,11 @@ use crate::hybrid::budget::direct::{
     BENDS_SHOW, BULK_WIDTHS, SEARCH_WIDTH, SMALL_BULB, STEEP_WIDTHS,
 };
 use crate::numerics::batch::{Batch, LANES, total};
-use crate::numerics::elementary::{exp, log1p};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::slope_plane::Slopes;
-use crate::reflectance::{Reflectance, TintResponse, fresnel};
+use crate::reflectance::{Reflectance, TintResponse, fresnel, specular};
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -132,21 +131,14 @@ kernel! {
         for [p, q, weight, shift] in batch.blocks() {
             let mut terms = [[0.0; LANES]; 3];
             for i in 0..LANES {
-                let (p2, q2) = (p[i] * p[i], q[i] * q[i]);
-                let t = p2 + q2;
-                let inverse = 1.0 / (1.0 + t);
-                let cos_i = 2.0 * (wo.x * p[i] + wo.y * q[i] + wo.z) * inverse - wo.z;
-                // At the normal the quotient is 0/0 and the product 0.
-                let exponent = (exponents[0] * p2 + exponents[1] * q2) / (t + f64::MIN_POSITIVE);
-                let power = exp(shift[i] - 0.5 * exponent * log1p(t));
+                let slopes = [p[i], q[i]];
+                let cos_i = specular::cos_i(&wo, slopes);
                 let shade = cos_i * per_viewer;
                 let shade = if shade < 1.0 { shade } else { 1.0 };
                 // A chord's end can lie on the horizon, and a rounding below it.
                 let shade = if shade > 0.0 { shade } else { 0.0 };
-                let value = weight[i] * shade * power * inverse * inverse.sqrt();
-                let fresnel = fresnel::reflectance(cos_i, ior);
-                let beyond = fresnel - knee;
-                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                let value = specular::at_slopes(weight[i] * shade, exponents, slopes, shift[i]);
+                let [fresnel, beyond] = specular::fresnel_moments(cos_i, ior, knee);
                 terms[0][i] = value;
                 terms[1][i] = value * fresnel;
                 terms[2][i] = value * beyond;

@@ -57,7 +57,7 @@ pub struct Interreflection {
 impl Interreflection {
     /// Works out all orders that paths of the view's `max_bounces` hits take. It does not depend on
     /// the camera.
-    pub(in crate::hybrid) fn new(
+    pub(super) fn new(
         view: &View,
         chart: &ChartOnFilm,
         reflectance: &Reflectance,

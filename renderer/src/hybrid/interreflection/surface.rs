@@ -1,13 +1,9 @@
 //! The sample's reflectance as the kernels of interreflection see it.
 
-use crate::numerics::elementary::{exp, log1p};
-use crate::reflectance::Reflectance;
+use crate::reflectance::{LUMINANCE, Reflectance, specular};
 use crate::vector::Vec3;
 use dataset::specification::Tint;
 use std::f64::consts::FRAC_1_PI;
-
-/// Luminance weights of linear Rec.709.
-const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
 /// A material in a frame (u, v, z) of the sample's plane.
 #[derive(Clone, Copy, Debug)]
@@ -57,14 +53,11 @@ impl Surface {
         let (x, y, z) = (wi.x + wo.x, wi.y + wo.y, wi.z + wo.z);
         let [cos, sin] = self.axis;
         let (u, v) = (cos * x + sin * y, cos * y - sin * x);
-        let (u2, v2, z2) = (u * u, v * v, z * z + f64::MIN_POSITIVE);
-        let tangential = u2 + v2;
-        let exponent = (self.n_u * u2 + self.n_v * v2) / (tangential + f64::MIN_POSITIVE);
-        let power = exp(-0.5 * exponent * log1p(tangential / z2));
+        let half2 = [u * u, v * v, z * z + f64::MIN_POSITIVE];
         let cos_i = if wi.z > 0.0 { wi.z } else { 0.0 };
         let larger = if cos_i > wo.z { cos_i } else { wo.z };
         let larger = if larger > 0.0 { larger } else { 1.0 };
-        self.scale * power * cos_i / ((tangential + z2).sqrt() * larger)
+        specular::at_half_vector(self.scale, [self.n_u, self.n_v], half2, cos_i, larger)
     }
 
     /// Minus the logarithm of the lobe's power for a half vector in a frame along its axes.
@@ -72,8 +65,7 @@ impl Surface {
     pub fn depth(&self, u: f64, v: f64, z: f64) -> f64 {
         let (u2, v2, z2) = (u * u, v * v, z * z + f64::MIN_POSITIVE);
         let tangential = u2 + v2 + f64::MIN_POSITIVE;
-        let exponent = (self.n_u * u2 + self.n_v * v2) / tangential;
-        0.5 * exponent * log1p(tangential / z2)
+        specular::depth([self.n_u, self.n_v], [u2, v2], tangential / z2)
     }
 
     /// The tint toward a viewer at `cos_o`: [`crate::reflectance::tint`] without branches.

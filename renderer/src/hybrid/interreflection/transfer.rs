@@ -208,35 +208,9 @@ impl<'a> Lines<'a> {
         sources: &S,
         reach: f64,
     ) {
-        /// The step of a difference quotient, in t.
-        const STEP: f64 = 1e-4;
         /// Corrections of the ends.
         const CORRECTIONS: usize = 3;
-        let [mut a, mut b] = self.bracket(receiver, sources);
-        let mut middle = [0.0; LANES];
-        for i in 0..LANES {
-            let root = 0.5 * (a[i] + b[i]);
-            let root = if root > self.low[i] {
-                root
-            } else {
-                self.low[i]
-            };
-            let root = if root < self.high[i] {
-                root
-            } else {
-                self.high[i]
-            };
-            let [u0, v0, z0] = self.half(i, root - STEP, receiver, sources);
-            let [u1, _, z1] = self.half(i, root + STEP, receiver, sources);
-            let slope = (u0 / z0 - u1 / z1) * (0.5 / STEP);
-            let slope = if slope > 1e-9 { slope } else { 1e-9 };
-            // Far out along its other axis a lobe is wider along this one.
-            let t = v0 * v0 / (z0 * z0) + 1e-12;
-            let width = reach * (t / (surface.n_u * log1p(t))).sqrt() / slope;
-            a[i] = root - width;
-            b[i] = root + width;
-            middle[i] = root;
-        }
+        let [mut a, mut b, middle] = self.first_ends(receiver, surface, sources, reach);
         // The slope is no linear function of t: move the ends to where the lobe really is so low.
         let depth = 0.5 * reach * reach;
         for _ in 0..CORRECTIONS {
@@ -278,6 +252,46 @@ impl<'a> Lines<'a> {
                 self.low[i]
             };
         }
+    }
+
+    /// The ends of what the lobe reaches of each line, if its slope is a linear function of t, and the
+    /// middle.
+    #[inline(always)]
+    fn first_ends<S: Sources>(
+        &self,
+        receiver: &Receiver,
+        surface: &Surface,
+        sources: &S,
+        reach: f64,
+    ) -> [[f64; LANES]; 3] {
+        /// The step of a difference quotient, in t.
+        const STEP: f64 = 1e-4;
+        let [mut a, mut b] = self.bracket(receiver, sources);
+        let mut middle = [0.0; LANES];
+        for i in 0..LANES {
+            let root = 0.5 * (a[i] + b[i]);
+            let root = if root > self.low[i] {
+                root
+            } else {
+                self.low[i]
+            };
+            let root = if root < self.high[i] {
+                root
+            } else {
+                self.high[i]
+            };
+            let [u0, v0, z0] = self.half(i, root - STEP, receiver, sources);
+            let [u1, _, z1] = self.half(i, root + STEP, receiver, sources);
+            let slope = (u0 / z0 - u1 / z1) * (0.5 / STEP);
+            let slope = if slope > 1e-9 { slope } else { 1e-9 };
+            // Far out along its other axis a lobe is wider along this one.
+            let t = v0 * v0 / (z0 * z0) + 1e-12;
+            let width = reach * (t / (surface.n_u * log1p(t))).sqrt() / slope;
+            a[i] = root - width;
+            b[i] = root + width;
+            middle[i] = root;
+        }
+        [a, b, middle]
     }
 
     /// Where a t lies.
@@ -348,7 +362,7 @@ fn add_node<S: Sources>(
     sources: &S,
     sums: &mut [[f64; LANES]; 3],
 ) {
-    let (c, n, v) = (receiver.position, receiver.normal, lines.v);
+    let v = lines.v;
     // Several short loops: the compiler does not vectorise one long one.
     let mut wi = [[0.0; LANES]; 3];
     let mut wo = [[0.0; LANES]; 3];
@@ -368,19 +382,7 @@ fn add_node<S: Sources>(
         light[0][i] = found.weight;
         light[1][i] = found.irradiance;
     }
-    for i in 0..LANES {
-        let (x, y) = (c.x - u[0][i], c.y - v[i]);
-        let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
-        let (x, y, z) = (x * inverse, y * inverse, c.z * inverse);
-        let facing = -(n.x * x + n.y * y + n.z * z);
-        let facing = if facing > 0.0 { facing } else { 0.0 };
-        let form = FRAC_1_PI * u[1][i] * z * facing * inverse * inverse;
-        wo[0][i] = x;
-        wo[1][i] = y;
-        wo[2][i] = z;
-        light[0][i] *= form;
-        light[1][i] *= form;
-    }
+    send(receiver, v, &u, &mut wo, &mut light);
     for i in 0..LANES {
         let (wi, wo) = (
             Vec3 {
@@ -409,6 +411,31 @@ fn add_node<S: Sources>(
             let lambert = surface.lambert[channel] * light[1][i];
             sums[channel][i] += light[0][i] * tints[channel][i] + lambert;
         }
+    }
+}
+
+/// The directions to the receiver from the points of a node, and what arrives there of their light.
+#[inline(always)]
+fn send(
+    receiver: &Receiver,
+    v: &[f64; LANES],
+    u: &[[f64; LANES]; 2],
+    wo: &mut [[f64; LANES]; 3],
+    light: &mut [[f64; LANES]; 2],
+) {
+    let (c, n) = (receiver.position, receiver.normal);
+    for i in 0..LANES {
+        let (x, y) = (c.x - u[0][i], c.y - v[i]);
+        let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
+        let (x, y, z) = (x * inverse, y * inverse, c.z * inverse);
+        let facing = -(n.x * x + n.y * y + n.z * z);
+        let facing = if facing > 0.0 { facing } else { 0.0 };
+        let form = FRAC_1_PI * u[1][i] * z * facing * inverse * inverse;
+        wo[0][i] = x;
+        wo[1][i] = y;
+        wo[2][i] = z;
+        light[0][i] *= form;
+        light[1][i] *= form;
     }
 }
 

@@ -8,10 +8,9 @@ use crate::film::tiling::Shade;
 use crate::hybrid::view::View;
 use crate::numerics::batch::{LANES, total};
 use crate::numerics::channels::largest_difference;
-use crate::numerics::elementary::{exp, log1p};
 use crate::numerics::instructions::{Instructions, kernel};
 use crate::numerics::tolerance::Tolerance;
-use crate::reflectance::{Reflectance, fresnel, lobe::Lobe};
+use crate::reflectance::{Reflectance, fresnel, lobe::Lobe, specular};
 use crate::vector::Vec3;
 use std::f64::consts::FRAC_1_PI;
 
@@ -119,7 +118,7 @@ kernel! {
         ior: f64,
         knee: f64,
     ) -> [[f64; 3]; 3] {
-        let (n_u, n_v) = (lobe.n_u, lobe.n_v);
+        let exponents = [lobe.n_u, lobe.n_v];
         // The lobe's axes in the world's frame.
         let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
         let mut sums = [[[0.0; LANES]; 3]; 3];
@@ -129,16 +128,11 @@ kernel! {
                 let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
                 let hu = u.x * hx + u.y * hy;
                 let hv = u.x * hy - u.y * hx;
-                let (hu2, hv2, hz2) = (hu * hu, hv * hv, hz * hz);
-                let tangential = hu2 + hv2;
-                let exponent = (n_u * hu2 + n_v * hv2) / (tangential + f64::MIN_POSITIVE);
-                let power = exp(-0.5 * exponent * log1p(tangential / hz2));
+                let half2 = [hu * hu, hv * hv, hz * hz];
                 let cos_i = z[i];
                 let larger = if cos_i > wo.z { cos_i } else { wo.z };
-                let value = power * cos_i / ((tangential + hz2).sqrt() * larger);
-                let fresnel = fresnel::reflectance(cos_i, ior);
-                let beyond = fresnel - knee;
-                let beyond = if beyond > 0.0 { beyond } else { 0.0 };
+                let value = specular::at_half_vector(1.0, exponents, half2, cos_i, larger);
+                let [fresnel, beyond] = specular::fresnel_moments(cos_i, ior, knee);
                 terms[0][i] = value * fresnel;
                 terms[1][i] = value * beyond;
                 terms[2][i] = cos_i;
