@@ -10,9 +10,9 @@ use super::point::{LIGHT_CHANNELS, Point};
 use crate::hybrid::budget::glossy::SPAN_MIN;
 use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
-use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::kernel;
-use crate::reflectance::fresnel;
+use crate::reflectance::{fresnel, specular};
 
 /// Numbers side by side, one a line.
 type Lanes = [f64; LANES];
@@ -423,6 +423,7 @@ impl<'a> Block<'a> {
         let [middle, unit] = self.frame(order, seen);
         seen.move_to(&middle, &unit);
         let (lobe, wo) = (&point.glossy.reflectance.lobe, point.wo);
+        let exponents = [lobe.n_u, lobe.n_v];
         let per_viewer = 1.0 / wo.z;
         let (ior, knee) = (point.branches.ior, point.branches.knee);
         for k in 0..N {
@@ -435,19 +436,13 @@ impl<'a> Block<'a> {
             let light = self.light(point, &p, seen);
             let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
             for i in 0..LANES {
-                let (p, q) = (p[i], self.q[i]);
-                let (p2, q2) = (p * p, q * q);
-                let t = p2 + q2;
-                let inverse = 1.0 / (1.0 + t);
-                let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) * inverse - wo.z;
+                let slopes = [p[i], self.q[i]];
+                let cos_i = specular::cos_i(&wo, slopes);
                 // Points that a piece is told by can lie beyond it, and below the horizon.
                 let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
-                // At the normal the quotient is 0/0 and the product 0.
-                let exponent = (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE);
                 // The density's own fall is in the moments.
-                let power = exp(density[i] - 0.5 * exponent * log1p(t));
                 let scale = weight[i] / self.per_width[i];
-                let lobe = scale * power * inverse * inverse.sqrt();
+                let lobe = specular::at_slopes(scale, exponents, slopes, density[i]);
                 let fresnel = fresnel::reflectance(cos_i, ior);
                 value[i] = lobe * fresnel;
                 beyond[i] = lobe * (fresnel - knee);
