@@ -7,7 +7,7 @@ use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
     DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
-    SLIVER, STEEP, UNRESOLVED_SHARE,
+    SLIVER, STUCK, UNRESOLVED_SHARE,
 };
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
@@ -47,6 +47,8 @@ struct Open {
     depth: u32,
     /// The level of the rules to begin with.
     level: usize,
+    /// What the series of the tile that this is a half of left out.
+    before: f64,
 }
 
 /// A tile worked out at a level.
@@ -150,6 +152,7 @@ fn first_tiles(frame: &Frame<'_>) -> Vec<Open> {
             },
             depth: 0,
             level: 0,
+            before: f64::INFINITY,
         })
         .collect()
 }
@@ -162,6 +165,7 @@ fn halves<const TERMS: usize>(from: Open, fitted: &Fitted<TERMS>) -> [Open; 2] {
     let mut halves = [Open {
         depth: from.depth + 1,
         level: fitted.level,
+        before: fitted.fit.error,
         ..from
     }; 2];
     halves[0].rectangle.high[steep] = middle;
@@ -188,28 +192,25 @@ fn fit<const TERMS: usize>(
         let light = coarse.iter().map(|value| value.light);
         let (tile, fit) = basis.fit(open.rectangle, light);
         let may_split = open.depth < HALVINGS_MAX && fit.error > (1.0 - RULE_SHARE) * allowed;
-        let steep = may_split && fit.error > STEEP * allowed;
-        let finer = if steep {
-            Vec::new()
-        } else {
-            values(frame, &compared_nodes, disc, level + 1)
-        };
+        let finer = values(frame, &compared_nodes, disc, level + 1);
         let here = spent(&coarse) + spent(&finer);
         evaluations += here;
         let mut missed = 0.0f64;
         for (node, finer) in indices.into_iter().zip(&finer) {
             missed = missed.max(largest_difference(coarse[node].light, finer.light));
         }
-        let split = may_split && fit.error > SERIES_FIRST * missed;
+        // What halving does not lessen is what the rules miss, wherever they were compared.
+        let stuck = level == open.level && fit.error > STUCK * open.before;
+        let split = may_split && fit.error > SERIES_FIRST * missed && !stuck;
         // The next level has up to three times the evaluations.
         let dear = evaluations + 3 * here > evaluations_max;
-        if missed <= RULE_SHARE * allowed || split || level >= LEVEL_MAX || dear {
+        let meets = missed <= RULE_SHARE * allowed && !(may_split && stuck);
+        if meets || split || level >= LEVEL_MAX || dear {
             return Fitted {
                 tile,
                 fit,
                 level,
-                // Where the rules were not looked at, the tile's error stands for theirs.
-                missed: if steep { fit.error } else { missed },
+                missed,
                 largest: coarse
                     .iter()
                     .fold(0.0, |most, v| most.max(largest(v.light))),
