@@ -377,8 +377,7 @@ impl<'a> Block<'a> {
         let (wo, branches) = (point.wo, &point.branches);
         let mut beyond = [false; LANES];
         for i in 0..LANES {
-            let (p, q) = (p[i], self.q[i]);
-            let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) / (1.0 + p * p + q * q) - wo.z;
+            let cos_i = specular::cos_i(&wo, [p[i], self.q[i]]);
             let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
             beyond[i] = on_chart[i] & (fresnel::reflectance(cos_i, branches.ior) > branches.knee);
         }
@@ -436,13 +435,13 @@ impl<'a> Block<'a> {
             let light = self.light(point, &p, seen);
             let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
             for i in 0..LANES {
-                let slopes = [p[i], self.q[i]];
-                let cos_i = specular::cos_i(&wo, slopes);
+                let at = [p[i], self.q[i]];
+                let cos_i = specular::cos_i(&wo, at);
                 // Points that a piece is told by can lie beyond it, and below the horizon.
                 let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
                 // The density's own fall is in the moments.
                 let scale = weight[i] / self.per_width[i];
-                let lobe = specular::at_slopes(scale, exponents, slopes, density[i]);
+                let lobe = specular::at_slopes(scale, exponents, at, density[i]);
                 let fresnel = fresnel::reflectance(cos_i, ior);
                 value[i] = lobe * fresnel;
                 beyond[i] = lobe * (fresnel - knee);
