@@ -1,7 +1,7 @@
 //! One row for an image: everything a reader may want to know of it, column by column.
 //!
 //! A manifest is a function of the images: it has no seconds and no workers' names. The columns
-//! are data, [`columns`], so every format is written from the same table.
+//! are data, [`columns()`], so every format is written from the same table.
 
 mod column;
 mod columns;
@@ -62,7 +62,7 @@ impl Row {
     }
 
     /// The row of these values, which were read from somewhere; `None` unless they are as many as
-    /// the [`columns`] and of their kinds.
+    /// the [`columns()`] and of their kinds.
     pub fn from_values(values: Vec<Value>) -> Option<Self> {
         let fits = values.len() == COLUMNS.len()
             && COLUMNS
@@ -80,7 +80,7 @@ impl Row {
         self
     }
 
-    /// The values, in the order of [`columns`] and of their kinds.
+    /// The values, in the order of [`columns()`] and of their kinds.
     pub fn values(&self) -> &[Value] {
         &self.0
     }

@@ -5,15 +5,14 @@
 //! chosen. *Chosen* means that no derivation or measurement is on record; tests of the stated errors
 //! (`tests/hybrid.rs`, `tests/scenes/`) hold with it.
 //!
-//! How a pixel's target is divided, as shares of it:
+//! How a pixel's target is divided:
 //!
 //! ```text
-//! bulb                                         0.1
-//! chart, seen straight or in the sample        0.4      of which
-//!     its tiles                                1.0
-//!     interreflection, order 1                 0.7
-//!     interreflection, all higher orders       0.4
-//! sum                                          0.1 + 0.4 (1.0 + 0.7 + 0.4) = 0.94
+//! bulb                                    0.1
+//! chart, seen straight or in the sample   0.4 (1.0 for its tiles
+//!                                              + 0.7 for interreflection of order 1
+//!                                              + 0.4 for all higher orders)
+//! sum                                     0.94
 //! ```
 //!
 //! What the rule at a point misses comes on top, at most [`TILING`]'s `rule` of a tile's share; so does

@@ -66,7 +66,7 @@ impl<const TERMS: usize> Nodes<TERMS> {
             .flat_map(move |y| points.map(|x| [at(0, x), at(1, y)]))
     }
 
-    /// The coefficients [j][i] of T_i along columns times T_j along rows, from values at the nodes.
+    /// The coefficients, `[j][i]` those of T_i along columns times T_j along rows, from values at the nodes.
     pub fn coefficients<const N: usize>(
         &self,
         values: &[[[f64; N]; TERMS]; TERMS],
