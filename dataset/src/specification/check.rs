@@ -100,7 +100,11 @@ fn check_values(specification: &Specification) -> Result<(), Fault> {
         integrator.max_bounces,
         limits::BOUNCES,
     )?;
+    check_measures(specification)
+}
 
+/// Lengths, angles and powers of camera, light, sample and chart.
+fn check_measures(specification: &Specification) -> Result<(), Fault> {
     let camera = &specification.camera;
     float("camera.distance_m", camera.distance_m, limits::DISTANCE_M)?;
     float(

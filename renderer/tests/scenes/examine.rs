@@ -111,14 +111,9 @@ const FINER_PIXELS_MAX: u32 = 1 << 12;
 /// The tolerance of the finer rendering.
 const TIGHTER: f64 = 30.0;
 
-/// Stated errors from eight replicates hold in 95 of 100 pixels. Three times as much holds in all
-/// but 1 in 5,000, and six times as much in all but 1 in 400,000: many more pixels are compared with
-/// a finer rendering than with the reference.
+/// Stated errors of the path tracer hold in 95 of 100 pixels. Three times as much holds in all but 1
+/// in 5,000.
 const SAMPLED_SLACK: f64 = 3.0;
-const SAMPLED_SLACK_OF_FINER: f64 = 6.0;
-
-/// From this exponent on the chart in the sample may be sampled.
-const SAMPLED_EXPONENT: f64 = 3e3;
 
 /// Renders and compares.
 pub fn examine(case: &Case, effort: Effort) -> Outcome {
@@ -140,11 +135,9 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         case.specification.views[0].rotation_deg,
         case.specification.tint,
     );
-    let sampled = !outcome.hybrid
-        || (case.specification.views[0].checker && reflectance.lobe.n_u > SAMPLED_EXPONENT);
     let film = &rendering.film;
     if outcome.hybrid && seconds < SECONDS_FOR_FINER {
-        let limit = limit(if sampled { SAMPLED_SLACK_OF_FINER } else { 1.0 });
+        let limit = limit(1.0);
         for &kind in effort.finer {
             match finer(case, film, kind, &limit) {
                 Ok(Some(finding)) => outcome.findings.push(finding),
@@ -154,7 +147,7 @@ pub fn examine(case: &Case, effort: Effort) -> Outcome {
         }
     }
     let reference = Reference::new(&case.specification, reflectance);
-    let limit = limit(if sampled { SAMPLED_SLACK } else { 1.0 });
+    let limit = limit(if outcome.hybrid { 1.0 } else { SAMPLED_SLACK });
     compare_pixels(case, film, &reference, &limit, effort, &mut outcome);
     outcome
 }

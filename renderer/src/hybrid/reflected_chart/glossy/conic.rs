@@ -175,6 +175,17 @@ impl Quadratics {
         any
     }
 
+    /// Which of them have this sign everywhere within `reach` of 0, by a bound.
+    #[inline(always)]
+    pub fn keep_sign(&self, reach: &[f64; LANES], sign: f64) -> [bool; LANES] {
+        let mut keep = [false; LANES];
+        for i in 0..LANES {
+            let slope = self.c1[i].abs() + reach[i] * self.c2.abs();
+            keep[i] = sign * self.c0[i] > reach[i] * slope;
+        }
+        keep
+    }
+
     /// Their zeros; not finite for each that there is not.
     #[inline(always)]
     pub fn zeros(&self) -> [[f64; LANES]; 2] {

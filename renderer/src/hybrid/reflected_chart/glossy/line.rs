@@ -56,10 +56,10 @@ fn sum<const N: usize>(
     let mut sums = Sums::default();
     for [q, weight] in lines.blocks() {
         let block = Block::new(point, q);
-        let Some(lattice) = block.lattice(point) else {
+        if block.is_dark(point) {
             continue;
-        };
-        block.cut(point, lattice, cuts);
+        }
+        block.cut(point, cuts);
         let mut seen = block.pieces::<N>(point, table, cuts);
         sums.evaluations += seen.lines(weight) * (N + cuts.len()) as u32;
         if seen.used != [false; PARTS] {
@@ -142,76 +142,32 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// The first and last edges between patches, along both axes, that may cross one of the lines;
-    /// `None` if no line shows anything of the chart.
+    /// Whether no line shows anything of the chart: each runs behind its plane, or beyond one of its
+    /// sides.
     #[inline(always)]
-    fn lattice(&self, point: &Point<'_>) -> Option<[[u32; 2]; 2]> {
-        let [mut ends, mut depths] = [[[0.0; LANES]; 3]; 2];
-        for i in 0..LANES {
-            ends[0][i] = -self.reach[i];
-            ends[2][i] = self.reach[i];
-        }
-        for (depth, end) in depths.iter_mut().zip(&ends) {
-            *depth = self.depth.values(end);
-        }
-        let (mut in_front, mut dark) = ([false; LANES], [false; LANES]);
-        for i in 0..LANES {
-            in_front[i] = (depths[0][i] > 0.0) & (depths[1][i] > 0.0) & (depths[2][i] > 0.0);
-        }
-        let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        let mut spans = [[[0.0; LANES]; 2]; 2];
+    fn is_dark(&self, point: &Point<'_>) -> bool {
+        let mut dark = self.depth.keep_sign(&self.reach, -1.0);
         for axis in 0..2 {
-            let most = point.counts[axis];
-            let at = [0, 1, 2].map(|end| self.positions[axis].values(&ends[end]));
+            let far = self.positions[axis].less(point.counts[axis], &self.depth);
+            let before = self.positions[axis].keep_sign(&self.reach, -1.0);
+            let beyond = far.keep_sign(&self.reach, 1.0);
             for i in 0..LANES {
-                let [a, b, c] = [0, 1, 2].map(|end| at[end][i] / depths[end][i]);
-                let low = if a < b { a } else { b };
-                let low = if low < c { low } else { c };
-                let high = if a > b { a } else { b };
-                let high = if high > c { high } else { c };
-                spans[axis][0][i] = if in_front[i] { low } else { 0.0 };
-                spans[axis][1][i] = if in_front[i] { high } else { most };
-                // Between the three it may bend, but by less than a patch.
-                dark[i] |= in_front[i] & ((high < -1.0) | (low > most + 1.0));
+                dark[i] |= before[i] | beyond[i];
             }
         }
-        if dark == [true; LANES] {
-            return None;
-        }
-        for axis in 0..2 {
-            for i in 0..LANES {
-                let [low, high] = [0, 1].map(|end| spans[axis][end][i]);
-                let [least, most] = &mut bounds[axis];
-                *least = if !dark[i] & (low < *least) {
-                    low
-                } else {
-                    *least
-                };
-                *most = if !dark[i] & (high > *most) {
-                    high
-                } else {
-                    *most
-                };
-            }
-        }
-        Some([0, 1].map(|axis| {
-            let ([low, high], most) = (bounds[axis], point.counts[axis]);
-            [
-                low.max(0.0).min(most) as u32,
-                (high.min(most - 1.0).max(-1.0) + 1.0) as u32,
-            ]
-        }))
+        dark == [true; LANES]
     }
 
     /// Finds where lines are cut: at edges of patches and bends of the integrand.
     #[inline(always)]
-    fn cut(&self, point: &Point<'_>, lattice: [[u32; 2]; 2], cuts: &mut Cuts) {
+    fn cut(&self, point: &Point<'_>, cuts: &mut Cuts) {
         cuts.clear();
         let mut counts = [0; LANES];
-        for (axis, [first, last]) in lattice.into_iter().enumerate() {
+        let plane = &point.glossy.plane;
+        for (axis, count) in [plane.columns, plane.rows].into_iter().enumerate() {
             let (position, other) = (&self.positions[axis], &self.positions[1 - axis]);
             let most = point.counts[1 - axis];
-            for edge in first..=last {
+            for edge in 0..=count {
                 let edge = position.less(f64::from(edge), &self.depth);
                 if !edge.may_vanish(&self.reach) {
                     continue;
