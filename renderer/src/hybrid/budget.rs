@@ -290,9 +290,14 @@ pub mod glossy {
 
     /// About a second of a core at 128 x 128 (measured).
     pub const LIMIT: Limit = Limit {
-        per_pixel: 800,
-        least: 5_000_000,
+        per_pixel: 900,
+        least: 3_000_000,
     };
+
+    /// Edges that a line is compared with, and corners that a point is, in the time of an evaluation
+    /// (estimated from their operations): what charts of many patches cost counts as work.
+    pub const EDGES_AN_EVALUATION: usize = 8;
+    pub const CORNERS_AN_EVALUATION: usize = 4;
 
     /// Digits beyond those that count at which the lobe's tail is cut. Chosen.
     pub const TAIL_DIGITS: f64 = 0.5;

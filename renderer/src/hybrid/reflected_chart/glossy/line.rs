@@ -7,7 +7,7 @@
 use super::conic::Quadratics;
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::{LIGHT_CHANNELS, Point};
-use crate::hybrid::budget::glossy::SPAN_MIN;
+use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, SPAN_MIN};
 use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::log1p;
@@ -30,7 +30,7 @@ pub struct LineSums {
     pub fresnel: [f64; 3],
     /// The same with what that exceeds the tint's knee by.
     pub excess: [f64; 3],
-    /// Points at which the lobe was evaluated, and cuts, which take about as long.
+    /// Points at which the lobe was evaluated, and cuts and edges in such units.
     pub evaluations: u32,
 }
 
@@ -53,6 +53,8 @@ fn sum<const N: usize>(
     cuts: &mut Cuts,
 ) -> LineSums {
     let table = &*moments::TABLE;
+    let plane = &point.glossy.plane;
+    let edges = (plane.columns + plane.rows + 2) as usize;
     let mut sums = Sums::default();
     for [q, weight] in lines.blocks() {
         let block = Block::new(point, q);
@@ -61,7 +63,8 @@ fn sum<const N: usize>(
         }
         block.cut(point, cuts);
         let mut seen = block.pieces::<N>(point, table, cuts);
-        sums.evaluations += seen.lines(weight) * (N + cuts.len()) as u32;
+        let lines = weight.iter().filter(|weight| **weight != 0.0).count();
+        sums.evaluations += (lines * (N + cuts.len() + edges / EDGES_AN_EVALUATION)) as u32;
         if seen.used != [false; PARTS] {
             block.add_points(point, order, weight, &mut seen, &mut sums);
         }
@@ -99,15 +102,6 @@ struct Seen<const N: usize> {
     /// The first and the last p of a line that show any of it; the first beyond the last where
     /// nothing does.
     span: [Lanes; 2],
-}
-
-impl<const N: usize> Seen<N> {
-    /// How many lines of a weight show anything.
-    #[inline(always)]
-    fn lines(&self, weight: &Lanes) -> u32 {
-        let shows = |&i: &usize| self.span[0][i] < self.span[1][i] && weight[i] != 0.0;
-        (0..LANES).filter(shows).count() as u32
-    }
 }
 
 /// Lines side by side.

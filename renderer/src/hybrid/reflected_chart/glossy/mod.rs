@@ -23,6 +23,7 @@ mod moments;
 mod point;
 mod wide_axis;
 
+use crate::hybrid::budget::glossy::CORNERS_AN_EVALUATION;
 use crate::numerics::tolerance::Tolerance;
 use crate::vector::Vec3;
 use line::add_lines;
@@ -49,6 +50,7 @@ impl GlossyChart<'_> {
         let radiance = std::array::from_fn(|channel| {
             scale * response.at_moments(sums.fresnel[channel], sums.excess[channel])[channel]
         });
-        (radiance, sums.evaluations)
+        let corners = self.corners.len() / CORNERS_AN_EVALUATION;
+        (radiance, sums.evaluations + corners as u32)
     }
 }
