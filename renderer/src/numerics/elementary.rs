@@ -4,7 +4,7 @@
 use std::f64::consts::LN_2;
 
 /// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
-const ROUND: f64 = 6_755_399_441_055_744.0;
+pub const ROUND: f64 = 6_755_399_441_055_744.0;
 
 /// The high part of ln 2, with zeros enough that a multiple of up to 2^11 is exact.
 const LN_2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);

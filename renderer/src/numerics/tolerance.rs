@@ -5,6 +5,12 @@ use std::f64::consts::LN_10;
 /// A tolerance finer by this many digits takes at least one point more along every interval.
 const FINER_DIGITS: f64 = 3.3;
 
+/// A little finer is so many digits: a third of [`FINER_DIGITS`].
+const LITTLE_DIGITS: f64 = 1.1;
+
+/// Tolerances that differ by less than this many digits are one.
+const SAME_DIGITS: f64 = 0.1;
+
 /// Digits beyond those that count at which an integrand's tail is cut: the tail's integral is a
 /// few times what it is at the cut.
 const SPARE_DIGITS: f64 = 0.5;
@@ -42,8 +48,8 @@ impl Tolerance {
 
     /// A little finer, but no finer than `check`.
     pub fn little_finer(self, check: Self) -> Self {
-        let digits = self.digits + 1.1;
-        if digits + 0.1 >= check.digits {
+        let digits = self.digits + LITTLE_DIGITS;
+        if digits >= check.digits - SAME_DIGITS {
             check
         } else {
             Self { digits, ..self }

@@ -5,8 +5,10 @@
 //! those of its line; then a few points along the line tell what multiplies the density.
 
 use super::conic::Quadratics;
+use super::lanes::{Cuts, Lanes, cell, patches, sort};
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::{LIGHT_CHANNELS, Point};
+use super::seen::{BEYOND, HIGH, LOW, PARTS, Seen};
 use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, SPAN_MIN};
 use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
@@ -14,14 +16,8 @@ use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::kernel;
 use crate::reflectance::{fresnel, specular};
 
-/// Numbers side by side, one a line.
-type Lanes = [f64; LANES];
-
 /// The lines of a rule: q, and the weight of the integral along p.
 pub type Lines = Batch<2>;
-
-/// Where lines are cut, row by row in ascending order, and `f64::INFINITY` after a line's last.
-pub type Cuts = Vec<Lanes>;
 
 /// What lines add up to, by channel.
 #[derive(Clone, Copy, Debug, Default)]
@@ -82,26 +78,6 @@ struct Sums {
     fresnel: [Lanes; 3],
     excess: [Lanes; 3],
     evaluations: u32,
-}
-
-/// Where pieces can lie: light higher than the viewer, or lower; and the same beyond the tint's knee
-/// once more.
-const PARTS: usize = 4;
-const HIGH: usize = 0;
-const LOW: usize = 1;
-const BEYOND: usize = 2;
-
-/// What the lines show of the chart.
-struct Seen<const N: usize> {
-    /// The moments of pieces times their patches' reflectances, by part and channel.
-    moments: [[Moments<N>; 3]; PARTS],
-    /// Whether any line has such a part.
-    used: [bool; PARTS],
-    /// The middle of a line's last piece on the chart, in patches from its corner.
-    middle: [Lanes; 2],
-    /// The first and the last p of a line that show any of it; the first beyond the last where
-    /// nothing does.
-    span: [Lanes; 2],
 }
 
 /// Lines side by side.
@@ -473,134 +449,5 @@ impl<'a> Block<'a> {
             }
         }
         light
-    }
-}
-
-impl<const N: usize> Seen<N> {
-    /// Adds pieces that lie in a part.
-    #[inline(always)]
-    fn add(&mut self, part: usize, piece: &Moments<N>, colours: &[Lanes; 3], here: &[bool; LANES]) {
-        if *here == [false; LANES] {
-            return;
-        }
-        self.used[part] = true;
-        for channel in 0..3 {
-            let mut colour = [0.0; LANES];
-            for i in 0..LANES {
-                colour[i] = if here[i] { colours[channel][i] } else { 0.0 };
-            }
-            for k in 0..N {
-                for i in 0..LANES {
-                    self.moments[part][channel][k][i] += colour[i] * piece[k][i];
-                }
-            }
-        }
-    }
-
-    /// Takes the moments about `middle`, in units of `unit`.
-    #[inline(always)]
-    fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
-        for (moments, used) in self.moments.iter_mut().zip(self.used) {
-            if !used {
-                continue;
-            }
-            for moments in moments {
-                // The binomial theorem, a factor at a time.
-                for first in 1..N {
-                    for k in (first..N).rev() {
-                        for i in 0..LANES {
-                            moments[k][i] -= middle[i] * moments[k - 1][i];
-                        }
-                    }
-                }
-                let mut scale = [1.0; LANES];
-                for moments in &mut moments[1..] {
-                    for i in 0..LANES {
-                        scale[i] /= unit[i];
-                        moments[i] *= scale[i];
-                    }
-                }
-            }
-        }
-    }
-
-    /// The weights of a point in each part, by the polynomial that is 1 at it.
-    #[inline(always)]
-    fn at(&self, channel: usize, polynomial: &[f64; N]) -> [Lanes; PARTS] {
-        let mut weights = [[0.0; LANES]; PARTS];
-        for part in 0..PARTS {
-            if self.used[part] {
-                for k in 0..N {
-                    for i in 0..LANES {
-                        weights[part][i] += polynomial[k] * self.moments[part][channel][k][i];
-                    }
-                }
-            }
-        }
-        weights
-    }
-}
-
-/// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
-const ROUND: f64 = 6_755_399_441_055_744.0;
-
-/// The column or row of a position, of so many; on an edge it is either neighbour's.
-#[inline(always)]
-fn cell(position: f64, count: f64) -> f64 {
-    let position = if position > 0.5 { position } else { 0.5 };
-    let position = if position < count - 0.5 {
-        position
-    } else {
-        count - 0.5
-    };
-    let rounded = (position - 0.5 + ROUND) - ROUND;
-    // A half is rounded to even.
-    if rounded < count - 1.0 {
-        rounded
-    } else {
-        count - 1.0
-    }
-}
-
-/// The numbers of the patches at positions, in patches from the chart's corner.
-#[inline(always)]
-fn patches(positions: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LANES] {
-    let mut bits = [0; LANES];
-    for i in 0..LANES {
-        let column = cell(positions[0][i], columns);
-        let row = cell(positions[1][i], rows);
-        bits[i] = ((rows - 1.0 - row) * columns + column + ROUND).to_bits();
-    }
-    bits.map(|bits| (bits - ROUND.to_bits()) as usize)
-}
-
-/// Up to so many cuts a line, comparing rows in a fixed order beats sorting line by line.
-const FEW_CUTS: usize = 24;
-
-/// Sorts every line's cuts.
-#[inline(always)]
-fn sort(cuts: &mut Cuts) {
-    if cuts.len() > FEW_CUTS {
-        let mut line = Vec::with_capacity(cuts.len());
-        for i in 0..LANES {
-            line.clear();
-            line.extend(cuts.iter().map(|row| row[i]));
-            line.sort_unstable_by(f64::total_cmp);
-            for (row, cut) in cuts.iter_mut().zip(&line) {
-                row[i] = *cut;
-            }
-        }
-        return;
-    }
-    // A fixed order needs no branches.
-    for last in 1..cuts.len() {
-        for at in (0..last).rev() {
-            let [low, high] = [cuts[at], cuts[at + 1]];
-            for i in 0..LANES {
-                let (a, b) = (low[i], high[i]);
-                cuts[at][i] = if a < b { a } else { b };
-                cuts[at + 1][i] = if a < b { b } else { a };
-            }
-        }
     }
 }

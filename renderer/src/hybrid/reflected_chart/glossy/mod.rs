@@ -18,9 +18,19 @@ mod conic;
     clippy::needless_range_loop,
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
+mod lanes;
+#[allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
 mod line;
 mod moments;
 mod point;
+#[allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
+mod seen;
 mod wide_axis;
 
 use crate::hybrid::budget::glossy::CORNERS_AN_EVALUATION;

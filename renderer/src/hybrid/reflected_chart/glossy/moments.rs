@@ -1,6 +1,7 @@
 //! Integrals of a normal density times polynomials, from minus infinity to a point.
 
 use crate::numerics::batch::LANES;
+use crate::numerics::elementary::ROUND;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::sync::LazyLock;
 
@@ -117,8 +118,6 @@ pub static TABLE: LazyLock<Table> = LazyLock::new(|| {
 /// the table.
 #[inline(always)]
 pub fn up_to<const N: usize>(table: &Table, z: &[f64; LANES]) -> Moments<N> {
-    /// 1.5 * 2^52: added to a number below 2^51 it leaves its integer part in the low bits.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
     const LAST: f64 = (ENTRIES - 1) as f64;
     let (mut nearest, mut off, mut index) = ([0.0; LANES], [0.0; LANES], [0; LANES]);
     for i in 0..LANES {

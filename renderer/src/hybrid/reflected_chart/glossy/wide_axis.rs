@@ -2,7 +2,8 @@
 //! smooth.
 
 use super::conic::Conic;
-use super::line::{Cuts, Lines};
+use super::lanes::Cuts;
+use super::line::Lines;
 use super::point::Point;
 use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP, TAIL_DIGITS};
 use crate::numerics::gauss::GaussRule;

@@ -1,0 +1,96 @@
+//! What lines side by side show of the chart: the moments of their pieces.
+
+use super::lanes::Lanes;
+use super::moments::Moments;
+use crate::numerics::batch::LANES;
+
+/// Where pieces can lie: light higher than the viewer, or lower; and the same beyond the tint's knee
+/// once more.
+pub const PARTS: usize = 4;
+pub const HIGH: usize = 0;
+pub const LOW: usize = 1;
+pub const BEYOND: usize = 2;
+
+/// What the lines show of the chart.
+pub struct Seen<const N: usize> {
+    /// The moments of pieces times their patches' reflectances, by part and channel.
+    pub moments: [[Moments<N>; 3]; PARTS],
+    /// Whether any line has such a part.
+    pub used: [bool; PARTS],
+    /// The middle of a line's last piece on the chart, in patches from its corner.
+    pub middle: [Lanes; 2],
+    /// The first and the last p of a line that show any of it; the first beyond the last where
+    /// nothing does.
+    pub span: [Lanes; 2],
+}
+
+impl<const N: usize> Seen<N> {
+    /// Adds pieces that lie in a part.
+    #[inline(always)]
+    pub fn add(
+        &mut self,
+        part: usize,
+        piece: &Moments<N>,
+        colours: &[Lanes; 3],
+        here: &[bool; LANES],
+    ) {
+        if *here == [false; LANES] {
+            return;
+        }
+        self.used[part] = true;
+        for channel in 0..3 {
+            let mut colour = [0.0; LANES];
+            for i in 0..LANES {
+                colour[i] = if here[i] { colours[channel][i] } else { 0.0 };
+            }
+            for k in 0..N {
+                for i in 0..LANES {
+                    self.moments[part][channel][k][i] += colour[i] * piece[k][i];
+                }
+            }
+        }
+    }
+
+    /// Takes the moments about `middle`, in units of `unit`.
+    #[inline(always)]
+    pub fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
+        for (moments, used) in self.moments.iter_mut().zip(self.used) {
+            if !used {
+                continue;
+            }
+            for moments in moments {
+                // The binomial theorem, a factor at a time.
+                for first in 1..N {
+                    for k in (first..N).rev() {
+                        for i in 0..LANES {
+                            moments[k][i] -= middle[i] * moments[k - 1][i];
+                        }
+                    }
+                }
+                let mut scale = [1.0; LANES];
+                for moments in &mut moments[1..] {
+                    for i in 0..LANES {
+                        scale[i] /= unit[i];
+                        moments[i] *= scale[i];
+                    }
+                }
+            }
+        }
+    }
+
+    /// The weights of a point in each part, by the polynomial that is 1 at it.
+    #[inline(always)]
+    pub fn at(&self, channel: usize, polynomial: &[f64; N]) -> [Lanes; PARTS] {
+        let mut weights = [[0.0; LANES]; PARTS];
+        for part in 0..PARTS {
+            if self.used[part] {
+                for k in 0..N {
+                    for i in 0..LANES {
+                        weights[part][i] += polynomial[k] * self.moments[part][channel][k][i];
+                    }
+                }
+            }
+        }
+        weights
+    }
+}
