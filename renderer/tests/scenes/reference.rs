@@ -14,7 +14,7 @@
 use crate::plain_path;
 use dataset::Specification;
 use renderer::{
-    geometry::BackendChoice,
+    geometry::{BackendChoice, Ray},
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
     scene::{Encounter, PinholeCamera, Scene},
@@ -85,6 +85,15 @@ impl Reference {
                 .sum();
             (mean, (squares / (count - 1.0) / count).sqrt())
         })
+    }
+
+    /// What that many samples of a pixel in each replicate may all have missed, at one chance in a
+    /// million. Each way of sampling is weighed against the others, so no path carries more than the
+    /// bulb's radiance: light m a pixel is found by at least a share m / radiance of all samples, and
+    /// all of them miss it with probability exp(-samples m / radiance).
+    pub fn unseen(&self, samples: u32) -> f64 {
+        const LOG_MILLION: f64 = 13.8;
+        LOG_MILLION * self.scene.bulb.radiance / (f64::from(samples) * f64::from(REPLICATES))
     }
 
     /// Everything but the bulb's light that touches the sample alone, along one path.
@@ -166,6 +175,9 @@ impl Reference {
         let Some(distance) = self.intersect_bulb(position, wi) else {
             return;
         };
+        if !self.is_clear(seen, wi) {
+            return;
+        }
         let (_, narrow) = self.cone(position);
         let cone = 1.0 / (2.0 * PI * narrow);
         let density = cone
@@ -176,6 +188,23 @@ impl Reference {
         for (sum, channel) in sum.iter_mut().zip(value) {
             *sum += scale * channel;
         }
+    }
+
+    /// Whether nothing stands between the camera and the point, or between it and the bulb.
+    fn is_clear(&self, Seen { position, wo }: Seen, wi: Vec3) -> bool {
+        let from_camera = Ray {
+            origin: self.scene.camera.position,
+            direction: -wo,
+        };
+        let Some(Encounter::Surface(sample)) = self.scene.encounter(&from_camera, None) else {
+            return false;
+        };
+        let to_bulb = Ray {
+            origin: position,
+            direction: wi,
+        };
+        let met = self.scene.encounter(&to_bulb, Some(sample.primitive));
+        sample.patch.is_none() && matches!(met, Some(Encounter::Bulb))
     }
 
     /// The density of the third way, a pixel and steradian.
