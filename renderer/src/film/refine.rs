@@ -19,6 +19,20 @@ pub fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
     roots
 }
 
+/// A rectangle cut along the sides of a feature, along each axis on which that is shorter than
+/// `side_max`.
+pub fn cut_out(rectangle: Rectangle, feature: &Rectangle, side_max: f64) -> Vec<Rectangle> {
+    let mut parts = vec![rectangle];
+    for axis in 0..2 {
+        if feature.sides()[axis] < side_max {
+            for at in [feature.low[axis], feature.high[axis]] {
+                parts = parts.iter().flat_map(|part| part.cut(axis, at)).collect();
+            }
+        }
+    }
+    parts
+}
+
 /// Works out tiles, and the halves of those that were too coarse, until none are left. Returns how many
 /// evaluations it took.
 ///

@@ -7,7 +7,7 @@
 //! quadrature.
 
 use super::canvas::Canvas;
-use super::refine::{refine, roots};
+use super::refine::{cut_out, refine, roots};
 use super::{FilmPixel, pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Tile};
@@ -21,8 +21,20 @@ const TERMS: usize = 8;
 /// Tiles that are worked out between two looks at the limit on evaluations.
 const TILES_A_LOOK: usize = 32;
 
+/// A rule that is a little finer but still misses this share is not the coarser one's digits short.
+const STUCK: f64 = 0.5;
+
+/// Points of a tile, -1 to 1 along each side, as far as can be from its nodes' lines.
+const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
+
 /// The narrowest tile that spans several pixels the other way.
 const STRIP_MIN: f64 = 0.125;
+
+/// The longest strip thinner than a pixel, and the most that a thicker tile is longer than wide. The
+/// nodes of a longer one could miss where the top of a round edge reaches into it: of a circle of ten
+/// pixels' radius an eighth of a pixel cuts off three.
+const STRIP_LENGTH: f64 = 8.0;
+const ASPECT_MAX: f64 = 16.0;
 
 /// A part of the outline that multiplies the function.
 pub struct Region {
@@ -39,6 +51,8 @@ pub struct Shares {
     pub rule: f64,
     /// What a tile is off by at its corners, where it is worst, counts by this share.
     pub corners: f64,
+    /// The same at points between the nodes.
+    pub between: f64,
 }
 
 /// What a function asks of its tiling.
@@ -47,8 +61,10 @@ pub struct Demand<'a> {
     pub accuracy: &'a Accuracy,
     /// What is too faint to matter: its target after half of all evaluations are spent.
     pub faint: f64,
-    /// The side in pixels of a tile that cannot overlook a feature of the function.
+    /// The side in pixels of a tile that cannot overlook a feature of the function but the one below.
     pub side_max: f64,
+    /// Outside of this the function may be dark. Tiles are cut here where their nodes could miss it.
+    pub feature: Option<Rectangle>,
     /// Evaluations after which nothing is refined any more.
     pub evaluations_max: u64,
     /// How fine the function is worked out.
@@ -71,6 +87,11 @@ pub trait Shade: Sync {
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32);
+
+    /// The highest level of a tolerance that makes a difference to the function.
+    fn finest_level(&self) -> u32 {
+        3
+    }
 
     /// The error of the function at a film point that comes from the light given to it, and
     /// evaluations.
@@ -108,10 +129,15 @@ pub fn integrate<S: Shade>(
             .flat_map(|region| region.factor)
             .fold(0.0, f64::max),
     };
-    let open = roots(bounds, demand.side_max.max(1.0));
+    let side_max = demand.side_max.max(1.0);
+    let open = match &demand.feature {
+        Some(feature) => cut_out(bounds, feature, side_max),
+        None => vec![bounds],
+    };
+    let open = open.into_iter().flat_map(|part| roots(part, side_max));
     refine(
         canvas,
-        open,
+        open.collect(),
         TILES_A_LOOK,
         |_, spent, rectangle, scratch| {
             let effort = Effort::after(spent, demand.evaluations_max);
@@ -307,15 +333,20 @@ impl<S: Shade> Tiling<'_, S> {
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
         // there shows at the corners.
-        let off_corners = rectangle
-            .corners()
-            .map(|corner| {
-                let found = evaluate(corner, tolerance);
-                largest_difference(found, tile.value(corner))
-            })
-            .into_iter()
-            .fold(0.0, f64::max);
-        let fit_error = fit.error.max(demand.shares.corners * off_corners);
+        let mut off = |points: [[f64; 2]; 4], tolerance: Tolerance| {
+            let off = points.map(|at| largest_difference(evaluate(at, tolerance), tile.value(at)));
+            off.into_iter().fold(0.0, f64::max)
+        };
+        // The rule was looked at in the middle. Elsewhere it may miss more.
+        let check = if tolerance.level() < self.shade.finest_level() {
+            tolerance.finer()
+        } else {
+            tolerance
+        };
+        let fit_error = fit
+            .error
+            .max(demand.shares.corners * off(rectangle.corners(), tolerance))
+            .max(demand.shares.between * off(BETWEEN.map(|at| rectangle.point(at)), check));
         if fit_error <= allowed || effort == Effort::None {
             return (Growth::Tile(Box::new(tile), fit_error + missed), spent);
         }
@@ -371,22 +402,32 @@ impl<S: Shade> Tiling<'_, S> {
             *spent += u64::from(evaluations);
             value
         };
-        // What a rule misses shows against a finer one.
-        let mut check = tolerance.finer();
+        // What a rule misses shows against a finer one. The finest itself is stated to miss what it
+        // was found to mend.
+        let (mut check, mut before_missed) = (tolerance.finer(), f64::INFINITY);
         let mut fine = evaluate(check);
         loop {
             let missed = largest_difference(evaluate(tolerance), fine);
+            let stated = missed + self.demand.function_error + light_error;
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
             if missed <= self.demand.shares.rule * self.allowed(brightness, effort)
-                || tolerance.is_finest()
+                || effort == Effort::None
             {
-                return (tolerance, missed + self.demand.function_error + light_error);
+                return (tolerance, stated);
             }
-            tolerance = tolerance.little_finer(check);
-            if tolerance.is_check() {
-                check = tolerance.finer();
+            let next = if missed > STUCK * before_missed {
+                check
+            } else {
+                tolerance.little_finer(check)
+            };
+            if next.level() == check.level() {
+                if check.level() == self.shade.finest_level() {
+                    return (check, stated);
+                }
+                check = check.finer();
                 fine = evaluate(check);
             }
+            (tolerance, before_missed) = (next, missed);
         }
     }
 
@@ -406,7 +447,10 @@ impl<S: Shade> Tiling<'_, S> {
 /// part of one pixel.
 fn axis_to_halve(rectangle: &Rectangle, steep: usize) -> Option<usize> {
     let (sides, other) = (rectangle.sides(), 1 - steep);
-    if rectangle.spans_pixels(steep) || (sides[other] > 2.0 && sides[steep] > STRIP_MIN) {
+    let is_strip = sides[other] > (ASPECT_MAX * sides[steep]).max(STRIP_LENGTH);
+    if is_strip && rectangle.spans_pixels(other) {
+        Some(other)
+    } else if rectangle.spans_pixels(steep) || (sides[other] > 2.0 && sides[steep] > STRIP_MIN) {
         Some(steep)
     } else if rectangle.spans_pixels(other) {
         Some(other)

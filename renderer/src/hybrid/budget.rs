@@ -56,7 +56,8 @@ const FEATURE_MIN: f64 = 4.0;
 /// How [`tiling`] divides what a tile may miss. Chosen.
 pub const TILING: tiling::Shares = tiling::Shares {
     rule: 0.1,
-    corners: 0.25,
+    corners: 0.5,
+    between: 1.0,
 };
 
 /// How [`log_tiling`] divides what a tile may miss. Chosen.
@@ -131,8 +132,8 @@ impl Budget {
         Tolerance::new(direct::LINEAR_RULE_SHARE * self.bulb_rule.error())
     }
 
-    /// The error allowed to the parabolas by which the chart's light is told to the sample.
-    pub fn parabolas(&self) -> f64 {
+    /// The error allowed to the polynomials by which the chart's light is told to the sample.
+    pub fn light_on_chart(&self) -> f64 {
         let least = self.chart.absolute;
         least.max(self.chart.relative * reflected_chart::FAINT)
     }
@@ -154,6 +155,12 @@ pub fn tile_pixels(feature_pixels: f64) -> f64 {
 /// The same, and long enough for a tile of a function with edges.
 pub fn edged_tile_pixels(feature_pixels: f64) -> f64 {
     tile_pixels(feature_pixels).max(FEATURE_MIN)
+}
+
+/// The length in pixels of a tile none of whose nodes' gaps hides a patch of this side: of eight
+/// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile. A pixel is the least.
+pub fn patch_tile_pixels(patch_pixels: f64) -> f64 {
+    (patch_pixels / 0.195).max(1.0)
 }
 
 /// Whether a material's lobe is glossy: narrow, or narrow along one axis and far wider along the
@@ -293,6 +300,18 @@ pub mod glossy {
         per_pixel: 900,
         least: 3_000_000,
     };
+
+    /// Orders of the polynomials along the narrow axis: a point's own and two finer ones. Beyond them
+    /// the rule of wide lobes serves.
+    pub const ORDERS: u32 = 3;
+
+    /// But not from this exponent on: it would take a millisecond a point, and the polynomials are
+    /// right to their last digit there (estimated).
+    pub const WIDE_RULE_EXPONENT: f64 = 1e4;
+
+    /// The length of a cell of the light on the chart in ln(1 + height / gap). Measured: the parabolas
+    /// miss a thousandth of what a rough sample sends to the chart.
+    pub const CELL_HEIGHT: f64 = 0.2;
 
     /// Edges that a line is compared with, and corners that a point is, in the time of an evaluation
     /// (estimated from their operations): what charts of many patches cost counts as work.

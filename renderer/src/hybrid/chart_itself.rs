@@ -29,6 +29,7 @@ pub fn add(
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
         side_max: f64::from(view.size[0]),
+        feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         function_error: interreflection.error(),

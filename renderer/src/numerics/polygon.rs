@@ -30,6 +30,14 @@ impl Rectangle {
         (2.0 * at - low[axis] - high[axis]) / (high[axis] - low[axis])
     }
 
+    /// The point at coordinates that are -1 at the low ends and 1 at the high ones.
+    pub fn point(&self, local: [f64; 2]) -> [f64; 2] {
+        let Self { low, high } = self;
+        std::array::from_fn(|axis| {
+            0.5 * (low[axis] + high[axis]) + 0.5 * local[axis] * (high[axis] - low[axis])
+        })
+    }
+
     /// The corners.
     pub fn corners(&self) -> [[f64; 2]; 4] {
         let ([left, top], [right, bottom]) = (self.low, self.high);
@@ -78,6 +86,17 @@ impl Rectangle {
     /// Whether a boundary between pixels lies inside along an axis.
     pub fn spans_pixels(&self, axis: usize) -> bool {
         self.low[axis].floor() + 1.0 < self.high[axis]
+    }
+
+    /// The parts below and above a coordinate along an axis; the whole where it is not inside.
+    pub fn cut(&self, axis: usize, at: f64) -> Vec<Self> {
+        if !(at > self.low[axis] && at < self.high[axis]) {
+            return vec![*self];
+        }
+        let (mut below, mut above) = (*self, *self);
+        below.high[axis] = at;
+        above.low[axis] = at;
+        vec![below, above]
     }
 
     /// Two halves along an axis, parted between pixels wherever it spans several.

@@ -20,8 +20,8 @@ const SPARE_DIGITS: f64 = 0.5;
 pub struct Tolerance {
     /// Minus its decimal logarithm: the digits that count.
     digits: f64,
-    /// Whether it only checks how far a coarser one is off.
-    check: bool,
+    /// How many finer ones it is the check of.
+    level: u32,
 }
 
 impl Tolerance {
@@ -29,7 +29,7 @@ impl Tolerance {
     pub fn new(error: f64) -> Self {
         Self {
             digits: -libm::log10(error).clamp(-12.0, -2.0),
-            check: false,
+            level: 0,
         }
     }
 
@@ -42,7 +42,7 @@ impl Tolerance {
     pub fn finer(self) -> Self {
         Self {
             digits: self.digits + FINER_DIGITS,
-            check: true,
+            level: self.level + 1,
         }
     }
 
@@ -72,9 +72,9 @@ impl Tolerance {
         self.digits > other.digits
     }
 
-    /// Whether it was made by [`Tolerance::finer`].
-    pub fn is_check(self) -> bool {
-        self.check
+    /// How often [`Tolerance::finer`] was called for it. A rule may change its kind with it.
+    pub fn level(self) -> u32 {
+        self.level
     }
 
     /// Whether no finer one would gain anything.
@@ -106,7 +106,7 @@ impl Tolerance {
     pub fn after_fall(self, fall: f64) -> Self {
         Self {
             digits: (self.digits - fall.max(0.0) / LN_10).max(1.0),
-            check: self.check,
+            level: self.level,
         }
     }
 

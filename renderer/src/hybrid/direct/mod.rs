@@ -48,6 +48,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         },
         faint: view.budget.chart.absolute,
         side_max: feature,
+        feature: None,
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
         function_error: 0.0,

@@ -115,6 +115,12 @@ impl Interreflection {
         self.evaluations
     }
 
+    /// The scale in metres of heights above the sample over which the light changes: the distance from
+    /// sample to chart, or a small share of the sample's side where that is more.
+    pub fn gap(&self) -> f64 {
+        self.gap
+    }
+
     /// How far [`Interreflection::on_chart`] may be off.
     pub fn error(&self) -> f64 {
         self.error

@@ -104,8 +104,10 @@ fn gather_line(
         if from >= to {
             continue;
         }
-        let patch = chart.patch(column, line.row);
-        let light = chart.light_across(patch, line.up);
+        let colour = &chart.patches[chart.patch(column, line.row)];
+        let light = chart
+            .light_across(column, line.row, line.height)
+            .map(|node| std::array::from_fn(|channel| node[channel] * colour[channel]));
         let along = along(column) * per_pitch;
         for [from, to] in parts(from, to, &line.bends) {
             let more = tolerance.more_beside((to - from) / (from * to).sqrt());
@@ -142,8 +144,8 @@ struct Line {
     cos_gamma: f64,
     /// From the sample's point to the chart, across its x axis.
     reach: f64,
-    /// Where on the patches, 0 to 1 up.
-    up: f64,
+    /// The height on the chart in metres.
+    height: f64,
     /// The t at which the integrand bends, and some at which long intervals are parted.
     bends: [f64; 2 * BENDS],
 }
@@ -161,14 +163,13 @@ impl Line {
         let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
         let cos_gamma = 1.0 / cosh;
         let across = plane.y * (sinh * cos_gamma) - plane.z * cos_gamma;
-        let up = (foot + height * sinh) / plane.pitch - f64::from(row);
         Self {
             row,
             sin: across.z,
             cos: across.y,
             cos_gamma,
             reach: height * cosh,
-            up: up.clamp(0.0, 1.0),
+            height: foot + height * sinh,
             bends: {
                 let bends = levels.map(|level| {
                     // cosh ln t is this where light stands at the level.

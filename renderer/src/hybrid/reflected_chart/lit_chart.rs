@@ -1,8 +1,14 @@
-//! The colour chart and the light on it, told patch by patch by parabolas.
+//! The colour chart and the light on it, told patch by patch by polynomials.
+//!
+//! What the sample sends to the chart rises from nothing at the sample's level to its peak at about
+//! the height of the gap between the two, far below a patch's. So up a patch the polynomials are in
+//! the logarithm of the height, as interreflection's own tiles are.
 
 use crate::hybrid::budget::reflected_chart::PATCHES_MAX;
 use crate::hybrid::chart_on_film::ChartOnFilm;
+use crate::numerics::elementary::log1p;
 use crate::scene::ChartPlane;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// The chart with its patches and their light.
 #[derive(Clone, Debug)]
@@ -13,38 +19,85 @@ pub struct LitChart {
     pub parts: u32,
     /// Reflectance times what `light` gives is a patch's radiance.
     pub patches: Vec<[f64; 3]>,
-    /// Irradiance over pi, in units of white, at `LIGHT_NODES` by `LIGHT_NODES` equidistant points
-    /// of each patch, corners included.
-    pub light: Vec<PatchLight>,
+    /// Irradiance over pi, in units of white, at the nodes of each patch.
+    light: Vec<PatchLight>,
+    /// How heights are told.
+    pub heights: Heights,
 }
 
 /// By node up, node across and channel.
-pub type PatchLight = [[[f64; 3]; LIGHT_NODES]; LIGHT_NODES];
+type PatchLight = [[[f64; 3]; ACROSS_NODES]; UP_NODES];
 
-/// Points along a patch's side at which its light is known; a parabola goes through them.
-pub const LIGHT_NODES: usize = 3;
+/// Equidistant points across a patch at which its light is known; a parabola goes through them.
+pub const ACROSS_NODES: usize = 3;
 
-/// Where a parabola through 0, 1/2 and 1 misses most of a cubic: at (1 -+ 1/sqrt(3))/2.
+/// Points up a patch, Lobatto's in the logarithm of the height: 0, (1 -+ 1/sqrt(2))/2, 1/2 and 1.
+const UP_NODES: usize = 5;
+const UP: [f64; UP_NODES] = [
+    0.0,
+    0.146_446_609_406_726_24,
+    0.5,
+    0.853_553_390_593_273_8,
+    1.0,
+];
+
+/// About where the polynomials miss most: the parabola of a cubic, at (1 -+ 1/sqrt(3))/2, and the other
+/// between its nodes.
 const PROBES: [[f64; 2]; 4] = {
     const LOW: f64 = 0.211_324_865_405_187_13;
     const HIGH: f64 = 1.0 - LOW;
-    [[LOW, LOW], [HIGH, LOW], [LOW, HIGH], [HIGH, HIGH]]
+    [[LOW, 0.06], [HIGH, 0.31], [LOW, 0.69], [HIGH, 0.94]]
 };
+
+/// The rows of a chart's patches over ln(1 + height / gap).
+#[derive(Clone, Debug)]
+pub struct Heights {
+    /// The scale in metres.
+    pub gap: f64,
+    /// Of each row the lower end, and one over the length.
+    rows: Vec<[f64; 2]>,
+}
+
+impl Heights {
+    fn new(plane: &ChartPlane, gap: f64) -> Self {
+        let end = |row: u32| libm::log1p(f64::from(row) * plane.pitch / gap);
+        Self {
+            gap,
+            rows: (0..plane.rows)
+                .map(|row| [end(row), 1.0 / (end(row + 1) - end(row))])
+                .collect(),
+        }
+    }
+
+    /// Where a height in metres lies in a row, 0 to 1.
+    #[inline(always)]
+    fn within(&self, row: u32, height: f64) -> f64 {
+        let [low, per_length] = self.rows[row as usize];
+        ((log1p(height.max(0.0) / self.gap) - low) * per_length).clamp(0.0, 1.0)
+    }
+
+    /// The height in metres of a position of 0 to 1 in a row.
+    fn height(&self, row: u32, within: f64) -> f64 {
+        let [low, per_length] = self.rows[row as usize];
+        self.gap * libm::expm1(low + within / per_length)
+    }
+}
 
 /// What is missed between the probes is at most this many times what is missed at them.
 const MISSED_MARGIN: f64 = 1.5;
 
 impl LitChart {
-    /// Into how many parts a patch's side has to be cut for the parabolas of [`LitChart::new`] to
+    /// Into how many parts a patch's side has to be cut for the polynomials of [`LitChart::new`] to
     /// tell radiance to `allowed`.
     pub fn parts(
         chart: &ChartOnFilm,
+        gap: f64,
         allowed: f64,
         irradiance: impl Fn([f64; 2]) -> [f64; 3],
     ) -> u32 {
         let mut parts = 1;
         loop {
-            let missed = Self::new(chart, parts, &irradiance).missed(&irradiance);
+            let missed = Self::new(chart, gap, parts, &irradiance).missed(&irradiance);
             let more = (2 * parts) * (2 * parts) * chart.patches.len() as u32;
             if missed <= allowed || more > PATCHES_MAX {
                 return parts;
@@ -54,20 +107,27 @@ impl LitChart {
     }
 
     /// The chart under the light that `irradiance` (over pi) gives, each patch parted into `parts` by
-    /// `parts`.
-    pub fn new(chart: &ChartOnFilm, parts: u32, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> Self {
+    /// `parts`; `gap` is the scale in metres of heights over which the light changes.
+    pub fn new(
+        chart: &ChartOnFilm,
+        gap: f64,
+        parts: u32,
+        irradiance: impl Fn([f64; 2]) -> [f64; 3],
+    ) -> Self {
         let mut plane = chart.plane;
         plane.pitch /= f64::from(parts);
         plane.columns *= parts;
         plane.rows *= parts;
-        let step = plane.pitch / (LIGHT_NODES - 1) as f64;
+        let step = plane.pitch / (ACROSS_NODES - 1) as f64;
+        let heights = Heights::new(&plane, gap);
         let (mut patches, mut light) = (Vec::new(), Vec::new());
         for index in 0..(plane.columns * plane.rows) as usize {
             let [column, row] = plane.cell(index);
             patches.push(chart.patches[chart.plane.patch(column / parts, row / parts)]);
-            let [a, b] = [column, row].map(|index| f64::from(index) * plane.pitch);
-            light.push(std::array::from_fn(|j| {
-                std::array::from_fn(|i| irradiance([a + step * i as f64, b + step * j as f64]))
+            let a = f64::from(column) * plane.pitch;
+            light.push(UP.map(|up| {
+                let b = heights.height(row, up);
+                std::array::from_fn(|i| irradiance([a + step * i as f64, b]))
             }));
         }
         Self {
@@ -75,6 +135,7 @@ impl LitChart {
             parts,
             patches,
             light,
+            heights,
         }
     }
 
@@ -87,7 +148,7 @@ impl LitChart {
         plane
     }
 
-    /// A bound of what the parabolas miss, from where a cubic term shows most.
+    /// A bound of what the polynomials miss, from where that shows most.
     fn missed(&self, irradiance: &impl Fn([f64; 2]) -> [f64; 3]) -> f64 {
         let mut missed = 0.0f64;
         for row in 0..self.plane.rows {
@@ -95,11 +156,13 @@ impl LitChart {
                 let patch = self.patch(column, row);
                 let colour = &self.patches[patch];
                 for [across, up] in PROBES {
-                    let at = [f64::from(column) + across, f64::from(row) + up];
-                    let exact = irradiance(at.map(|at| at * self.plane.pitch));
-                    let found = patch_at(&self.light[patch], colour, [across, up]);
+                    let a = (f64::from(column) + across) * self.plane.pitch;
+                    let b = self.heights.height(row, up);
+                    let exact = irradiance([a, b]);
+                    let light = self.light_across(column, row, b);
+                    let found = parabola(&light, across);
                     for channel in 0..3 {
-                        let off = found[channel] - colour[channel] * exact[channel];
+                        let off = colour[channel] * (found[channel] - exact[channel]);
                         missed = missed.max(off.abs());
                     }
                 }
@@ -114,44 +177,67 @@ impl LitChart {
         self.plane.patch(column, row)
     }
 
-    /// A patch's radiance at a height of 0 to 1 of it, at `LIGHT_NODES` points across.
+    /// The irradiance over pi on a patch at a height in metres, at its points across.
     #[inline(always)]
-    pub fn light_across(&self, patch: usize, up: f64) -> [[f64; 3]; LIGHT_NODES] {
-        patch_across(&self.light[patch], &self.patches[patch], up)
+    pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; ACROSS_NODES] {
+        let light = &self.light[self.patch(column, row)];
+        let weights = up_weights(self.heights.within(row, height));
+        let mut across = [[0.0; 3]; ACROSS_NODES];
+        for up in 0..UP_NODES {
+            for node in 0..ACROSS_NODES {
+                for i in 0..3 {
+                    across[node][i] += weights[up] * light[up][node][i];
+                }
+            }
+        }
+        across
     }
 }
 
 /// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
 #[inline(always)]
-pub fn parabola_weights(along: f64) -> [f64; LIGHT_NODES] {
+pub fn parabola_weights(along: f64) -> [f64; ACROSS_NODES] {
     let x = 2.0 * along - 1.0;
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }
 
-/// The radiance of a patch of reflectance `colour` at a height of 0 to 1 of it, at `LIGHT_NODES`
-/// points across.
+/// The weights of the polynomial through the nodes up, at `up`.
 #[inline(always)]
-pub fn patch_across(light: &PatchLight, colour: &[f64; 3], up: f64) -> [[f64; 3]; LIGHT_NODES] {
-    let [a, b, c] = parabola_weights(up);
-    let mut across = [[0.0; 3]; LIGHT_NODES];
-    for node in 0..LIGHT_NODES {
-        for i in 0..3 {
-            let value = a * light[0][node][i] + b * light[1][node][i] + c * light[2][node][i];
-            across[node][i] = value * colour[i];
-        }
-    }
-    across
+fn up_weights(up: f64) -> [f64; UP_NODES] {
+    let x = 2.0 * up - 1.0;
+    let (outer, inner) = (x * x - 1.0, x * x - 0.5);
+    [
+        x * (x - 1.0) * inner,
+        -2.0 * x * (x - FRAC_1_SQRT_2) * outer,
+        2.0 * outer * inner,
+        -2.0 * x * (x + FRAC_1_SQRT_2) * outer,
+        x * (x + 1.0) * inner,
+    ]
 }
 
-/// The radiance of a patch of reflectance `colour` at a position of 0 to 1 along both of its sides.
+/// The parabola through three points, at a position of 0 to 1.
 #[inline(always)]
-pub fn patch_at(light: &PatchLight, colour: &[f64; 3], [across, up]: [f64; 2]) -> [f64; 3] {
-    parabola(&patch_across(light, colour, up), across)
-}
-
-/// The same at a position of 0 to 1 across a patch.
-#[inline(always)]
-pub fn parabola(light: &[[f64; 3]; LIGHT_NODES], along: f64) -> [f64; 3] {
+pub fn parabola(light: &[[f64; 3]; ACROSS_NODES], along: f64) -> [f64; 3] {
     let [a, b, c] = parabola_weights(along);
     std::array::from_fn(|i| a * light[0][i] + b * light[1][i] + c * light[2][i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_polynomial_up_a_patch_goes_through_its_nodes() {
+        for (node, up) in UP.into_iter().enumerate() {
+            for (other, weight) in up_weights(up).into_iter().enumerate() {
+                let expected = if other == node { 1.0 } else { 0.0 };
+                assert!(
+                    (weight - expected).abs() < 1e-14,
+                    "{node} {other}: {weight}"
+                );
+            }
+        }
+        let sum: f64 = up_weights(0.3).into_iter().sum();
+        assert!((sum - 1.0).abs() < 1e-14);
+    }
 }

@@ -7,16 +7,20 @@ mod wide;
 mod window;
 
 use super::budget::{
-    TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, reflected_chart,
+    TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, patch_tile_pixels,
+    reflected_chart,
 };
-use super::chart_on_film::ChartOnFilm;
+use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::tiling::{Demand, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
+use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
+use crate::vector::Vec3;
+use gather::LightBatch;
 use glossy::GlossyChart;
 use lit_chart::LitChart;
 use wide::ChartOffWideLobe;
@@ -31,7 +35,8 @@ pub fn add(
 ) -> u64 {
     // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
     // of it, and its part shows in `light_error`.
-    let parts = LitChart::parts(chart, view.budget.parabolas(), |at| {
+    let gap = interreflection.gap();
+    let parts = LitChart::parts(chart, gap, view.budget.light_on_chart(), |at| {
         [view.bulb_on_chart(&chart.plane, at); 3]
     });
     let irradiance = |at: [f64; 2]| {
@@ -40,8 +45,8 @@ pub fn add(
             .on_chart_for_sample(at)
             .map(|channel| channel + direct)
     };
-    let lit = LitChart::new(chart, parts, irradiance);
-    let finer = LitChart::new(chart, 2 * parts, irradiance);
+    let lit = LitChart::new(chart, gap, parts, irradiance);
+    let finer = LitChart::new(chart, gap, 2 * parts, irradiance);
     let add = if is_glossy(reflectance) {
         add_glossy
     } else {
@@ -60,10 +65,12 @@ fn add_wide(
     function_error: f64,
     reflectance: &Reflectance,
 ) -> u64 {
+    let detail = Detail::new(view, chart, reflectance);
     let demand = Demand {
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
-        side_max: view.budget.wide_tile * edge_pixels(view, chart, reflectance),
+        side_max: detail.side_max(view.budget.wide_tile),
+        feature: detail.feature(),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         function_error,
@@ -86,10 +93,12 @@ fn add_glossy(
     function_error: f64,
     reflectance: &Reflectance,
 ) -> u64 {
+    let detail = Detail::new(view, charts[0], reflectance);
     let demand = Demand {
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
-        side_max: glossy_budget::TILE * edge_pixels(view, charts[0], reflectance),
+        side_max: detail.side_max(glossy_budget::TILE),
+        feature: detail.feature(),
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
         tolerance: view.budget.glossy_rule,
         function_error,
@@ -97,10 +106,16 @@ fn add_glossy(
     };
     let [chart, finer] =
         charts.map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
-    let shade = ChartOffGlossyLobe {
+    let wide = ChartOffWideLobe {
         view,
+        chart: charts[0],
+        finer: charts[1],
+        reflectance,
+    };
+    let shade = ChartOffGlossyLobe {
         chart: &chart,
         finer: &finer,
+        wide,
     };
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
@@ -113,44 +128,105 @@ fn whole(view: &View) -> Region {
     }
 }
 
-/// The length in pixels of a tile at whose nodes the blurred edge of a patch shows.
-fn edge_pixels(view: &View, chart: &LitChart, reflectance: &Reflectance) -> f64 {
-    let [_, height] = chart.plane.size();
-    let distance = 0.5 * (chart.plane.corner.y.abs() + height);
-    let blur = (1.0 / reflectance.lobe.n_u).sqrt();
-    edged_tile_pixels(view.slope_pixels(blur, distance))
+/// How fine the chart's image in the sample is on the film.
+struct Detail {
+    /// The chart's image in a mirror; `None` where it reaches behind the camera.
+    image: Option<Rectangle>,
+    /// The sides of a patch in that image, in pixels.
+    patch: [f64; 2],
+    /// The blur of an edge in the middle of the chart along the lobe's narrow and wide axis, in
+    /// pixels.
+    blur: [f64; 2],
+}
+
+impl Detail {
+    fn new(view: &View, chart: &LitChart, reflectance: &Reflectance) -> Self {
+        let plane = chart.whole_plane();
+        let [width, height] = plane.size();
+        let distance = 0.5 * (plane.corner.y.abs() + height);
+        let lobe = &reflectance.lobe;
+        let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]].map(|[a, b]| {
+            let corner = plane.point(a, b);
+            Vec3::new(corner.x, corner.y, -corner.z)
+        });
+        let image = project(&view.camera, corners).map(|outline| outline.bounds());
+        let counts = [plane.columns, plane.rows].map(f64::from);
+        Self {
+            patch: image.map_or([f64::INFINITY; 2], |image| {
+                let sides = image.sides();
+                std::array::from_fn(|axis| sides[axis] / counts[axis])
+            }),
+            image,
+            blur: [lobe.n_u, lobe.n_v].map(|n| view.slope_pixels((1.0 / n).sqrt(), distance)),
+        }
+    }
+
+    /// The side in pixels of a tile at whose nodes a patch shows, `times` the one that its blurred edge
+    /// asks for.
+    fn side_max(&self, times: f64) -> f64 {
+        let side = times * edged_tile_pixels(self.blur[0]);
+        let patch = self.patch[0].min(self.patch[1]);
+        if self.blur[1] < patch {
+            side.min(patch_tile_pixels(patch))
+        } else {
+            side
+        }
+    }
+
+    /// All of the chart, where it is too sharp to show far outside of it.
+    fn feature(&self) -> Option<Rectangle> {
+        self.image.filter(|image| {
+            let [width, height] = image.sides();
+            self.blur[0] < width.min(height)
+        })
+    }
 }
 
 /// The chart off a glossy lobe.
 struct ChartOffGlossyLobe<'a> {
-    view: &'a View,
     chart: &'a GlossyChart<'a>,
     /// The same with the chart in smaller parts.
     finer: &'a GlossyChart<'a>,
+    /// What serves where no polynomial along the lobe's narrow axis tells the light: seen at a slant
+    /// and from near by, it may bend too much over the lobe.
+    wide: ChartOffWideLobe<'a>,
 }
 
 impl Shade for ChartOffGlossyLobe<'_> {
-    type Scratch = glossy::Scratch;
+    type Scratch = (glossy::Scratch, LightBatch);
 
     fn at(
         &self,
-        scratch: &mut glossy::Scratch,
+        (glossy, batch): &mut Self::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
-        let (position, wo) = self.view.sample_point(film_point);
-        self.chart.reflected(position, wo, tolerance, scratch)
+        let Some(above) = tolerance.level().checked_sub(glossy_budget::ORDERS) else {
+            let (position, wo) = self.wide.view.sample_point(film_point);
+            return self.chart.reflected(position, wo, tolerance, glossy);
+        };
+        let rule = self.wide.view.budget.wide_rule;
+        let tolerance = (0..above).fold(rule, |rule, _| rule.finer());
+        self.wide.at(batch, film_point, tolerance)
+    }
+
+    fn finest_level(&self) -> u32 {
+        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT {
+            glossy_budget::ORDERS + 1
+        } else {
+            glossy_budget::ORDERS - 1
+        }
     }
 
     fn light_error(
         &self,
-        scratch: &mut glossy::Scratch,
+        (glossy, _): &mut Self::Scratch,
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> (f64, u32) {
-        let (position, wo) = self.view.sample_point(film_point);
+        let (position, wo) = self.wide.view.sample_point(film_point);
         let [(coarse, first), (fine, second)] =
-            [self.chart, self.finer].map(|chart| chart.reflected(position, wo, tolerance, scratch));
+            [self.chart, self.finer].map(|chart| chart.reflected(position, wo, tolerance, glossy));
         (largest_difference(coarse, fine), first + second)
     }
 }

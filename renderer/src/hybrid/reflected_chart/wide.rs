@@ -18,7 +18,7 @@ use std::f64::consts::FRAC_1_PI;
 pub struct ChartOffWideLobe<'a> {
     pub view: &'a View,
     pub chart: &'a LitChart,
-    /// The same in smaller parts, which tells what its parabolas miss.
+    /// The same in smaller parts, which tells what its polynomials miss.
     pub finer: &'a LitChart,
     pub reflectance: &'a Reflectance,
 }

@@ -83,15 +83,6 @@ impl Conic {
         }
     }
 
-    /// The polynomial in q on the line of this p.
-    pub fn on_column(&self, p: f64) -> Quadratic {
-        Quadratic {
-            c0: self.one + p * (self.p + p * self.pp),
-            c1: self.q + self.pq * p,
-            c2: self.qq,
-        }
-    }
-
     /// How fast its zero moves along p with q, at (0, q): |dp/dq|, infinite where it runs along p.
     pub fn drift(&self, q: f64) -> f64 {
         let along = (self.p + self.pq * q).abs();

@@ -6,13 +6,14 @@
 
 use super::conic::Quadratics;
 use super::lanes::{Cuts, Lanes, cell, patches, sort};
+use super::light_cells::{CHANNELS, NODES};
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
-use super::point::{LIGHT_CHANNELS, Point};
+use super::point::Point;
 use super::seen::{BEYOND, HIGH, LOW, PARTS, Seen};
 use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, SPAN_MIN};
 use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
-use crate::numerics::elementary::log1p;
+use crate::numerics::elementary::{ROUND, log1p};
 use crate::numerics::instructions::kernel;
 use crate::reflectance::{fresnel, specular};
 
@@ -37,6 +38,7 @@ kernel! {
             Order::Three => sum(point, &moments::THREE, lines, cuts),
             Order::Five => sum(point, &moments::FIVE, lines, cuts),
             Order::Seven => sum(point, &moments::SEVEN, lines, cuts),
+            Order::Nine => sum(point, &moments::NINE, lines, cuts),
         }
     }
 }
@@ -95,12 +97,9 @@ struct Block<'a> {
 impl<'a> Block<'a> {
     #[inline(always)]
     fn new(point: &Point<'_>, q: &'a Lanes) -> Self {
-        let n_u = point.glossy.reflectance.lobe.n_u;
         let (mut per_width, mut reach) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            // The lobe is exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2.
-            let q2 = q[i] * q[i] + f64::MIN_POSITIVE;
-            per_width[i] = (n_u * (log1p(q2) / q2)).sqrt();
+            per_width[i] = point.widths_per_slope(q[i]);
             reach[i] = point.reach / per_width[i];
         }
         Self {
@@ -391,7 +390,7 @@ impl<'a> Block<'a> {
     }
 
     /// The light on the chart where it is seen at a p of each line. It is a smooth function of the
-    /// position, told beyond the chart's edges by the parabolas of the outer patches.
+    /// position, told beyond the chart's edges by the outer patches.
     #[inline(always)]
     fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
         let depth = self.depth.values(p);
@@ -406,19 +405,21 @@ impl<'a> Block<'a> {
                 };
             }
         }
-        // Light is told part by part of a patch.
-        let parts = point.glossy.parts;
-        let counts = point.counts.map(|count| count * parts);
-        for axis in 0..2 {
-            for i in 0..LANES {
-                positions[axis][i] *= parts;
-            }
+        let light = &point.glossy.light;
+        let counts = light.counts;
+        for i in 0..LANES {
+            positions[0][i] *= light.parts;
+            let up = positions[1][i];
+            let up = if up > 0.0 { up } else { 0.0 };
+            positions[1][i] = log1p(up * light.pitch_per_gap) * light.per_log;
         }
-        let patches = patches(&positions, counts);
-        let mut weights = [[[0.0; LANES]; 3]; 2];
-        for axis in 0..2 {
-            for i in 0..LANES {
-                let within = positions[axis][i] - cell(positions[axis][i], counts[axis]);
+        let mut cells = [0; LANES];
+        let mut weights = [[[0.0; LANES]; NODES]; 2];
+        for i in 0..LANES {
+            let [column, row] = [0, 1].map(|axis| cell(positions[axis][i], counts[axis]));
+            cells[i] = (row * counts[0] + column + ROUND).to_bits();
+            for (axis, low) in [column, row].into_iter().enumerate() {
+                let within = positions[axis][i] - low;
                 let within = if within > -1.0 { within } else { -1.0 };
                 let within = if within < 2.0 { within } else { 2.0 };
                 let [a, b, c] = parabola_weights(within);
@@ -427,15 +428,16 @@ impl<'a> Block<'a> {
                 weights[axis][2][i] = c;
             }
         }
+        let cells = cells.map(|bits| (bits - ROUND.to_bits()) as usize);
         // Four channels of a line are a vector.
-        let mut by_line = [[0.0; LIGHT_CHANNELS]; LANES];
+        let mut by_line = [[0.0; CHANNELS]; LANES];
         for i in 0..LANES {
-            let patch = &point.glossy.light[patches[i]];
+            let cell = &light.cells[cells[i]];
             let [a, b, c] = [weights[0][0][i], weights[0][1][i], weights[0][2][i]];
-            let mut sum = [0.0; LIGHT_CHANNELS];
-            for (up, [left, middle, right]) in patch.iter().enumerate() {
+            let mut sum = [0.0; CHANNELS];
+            for (up, [left, middle, right]) in cell.iter().enumerate() {
                 let weight = weights[1][up][i];
-                for channel in 0..LIGHT_CHANNELS {
+                for channel in 0..CHANNELS {
                     let across = a * left[channel] + b * middle[channel] + c * right[channel];
                     sum[channel] += weight * across;
                 }

@@ -19,6 +19,7 @@ mod conic;
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
 mod lanes;
+mod light_cells;
 #[allow(
     clippy::needless_range_loop,
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"

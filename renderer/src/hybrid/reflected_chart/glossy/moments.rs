@@ -14,6 +14,8 @@ pub enum Order {
     Five,
     /// Seven.
     Seven,
+    /// Nine.
+    Nine,
 }
 
 impl Order {
@@ -21,7 +23,8 @@ impl Order {
     pub fn finer(self) -> Self {
         match self {
             Self::Three => Self::Five,
-            Self::Five | Self::Seven => Self::Seven,
+            Self::Five => Self::Seven,
+            Self::Seven | Self::Nine => Self::Nine,
         }
     }
 }
@@ -46,7 +49,7 @@ impl<const N: usize> Nodes<N> {
     }
 }
 
-/// The zeros of the Hermite polynomials of degree 3, 5 and 7 (of weight exp(-z^2/2)): over the whole
+/// The zeros of the Hermite polynomials of degree 3, 5, 7 and 9 (of weight exp(-z^2/2)): over the whole
 /// density, rules on them are Gauss's.
 pub static THREE: LazyLock<Nodes<3>> =
     LazyLock::new(|| Nodes::new([-1.732_050_807_568_877_2, 0.0, 1.732_050_807_568_877_2]));
@@ -70,6 +73,20 @@ pub static SEVEN: LazyLock<Nodes<7>> = LazyLock::new(|| {
         3.750_439_717_725_742_5,
     ])
 });
+pub static NINE: LazyLock<Nodes<9>> = LazyLock::new(|| {
+    Nodes::new([
+        -4.512_745_863_399_783,
+        -3.205_429_002_856_47,
+        -2.076_847_978_677_83,
+        -1.023_255_663_789_133,
+        0.0,
+        1.023_255_663_789_133,
+        2.076_847_978_677_83,
+        3.205_429_002_856_47,
+        4.512_745_863_399_783,
+    ])
+});
+
 fn lagrange<const N: usize>(nodes: [f64; N]) -> [[f64; N]; N] {
     let mut polynomials = [[0.0; N]; N];
     for (k, polynomial) in polynomials.iter_mut().enumerate() {
@@ -86,10 +103,20 @@ fn lagrange<const N: usize>(nodes: [f64; N]) -> [[f64; N]; N] {
     polynomials
 }
 
-/// Of the whole line: the square root of 2 pi times the moments 1, 0, 1, 0, 3, 0, 15.
+/// Of the whole line: the square root of 2 pi times the moments 1, 0, 1, 0, 3, 0, 15, 0, 105.
 pub fn everything<const N: usize>() -> Moments<N> {
     const ROOT: f64 = 2.506_628_274_631_000_7;
-    const MOMENTS: [f64; 7] = [ROOT, 0.0, ROOT, 0.0, 3.0 * ROOT, 0.0, 15.0 * ROOT];
+    const MOMENTS: [f64; 9] = [
+        ROOT,
+        0.0,
+        ROOT,
+        0.0,
+        3.0 * ROOT,
+        0.0,
+        15.0 * ROOT,
+        0.0,
+        105.0 * ROOT,
+    ];
     std::array::from_fn(|i| [MOMENTS[i]; LANES])
 }
 
@@ -189,6 +216,7 @@ mod tests {
         pieces_integrate(&THREE);
         pieces_integrate(&FIVE);
         pieces_integrate(&SEVEN);
+        pieces_integrate(&NINE);
     }
 
     #[test]

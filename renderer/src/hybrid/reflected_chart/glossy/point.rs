@@ -2,17 +2,16 @@
 
 use super::branches::Branches;
 use super::conic::Conic;
+use super::light_cells::LightCells;
 use super::moments::Order;
 use crate::hybrid::budget::glossy::{CORNERS_MAX, PARABOLA_EXPONENT, TAIL_DIGITS};
-use crate::hybrid::reflected_chart::lit_chart::{LIGHT_NODES, LitChart};
+use crate::hybrid::reflected_chart::lit_chart::LitChart;
+use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-
-/// Three channels and one that is 0.
-pub const LIGHT_CHANNELS: usize = 4;
 
 /// The chart off a glossy lobe.
 pub struct GlossyChart<'a> {
@@ -27,10 +26,8 @@ pub struct GlossyChart<'a> {
     axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
     pub(super) corners: Vec<Vec3>,
-    /// Into how many parts light cuts a patch's side.
-    pub(super) parts: f64,
-    /// The light on each part as in [`LitChart::light`], with channels to fill a vector.
-    pub(super) light: Vec<[[[f64; LIGHT_CHANNELS]; LIGHT_NODES]; LIGHT_NODES]>,
+    /// The light on it.
+    pub(super) light: LightCells,
 }
 
 impl<'a> GlossyChart<'a> {
@@ -52,7 +49,6 @@ impl<'a> GlossyChart<'a> {
             let [column, row] = plane.cell(index).map(|index| index * chart.parts);
             chart.patches[chart.patch(column, row)]
         });
-        let light = chart.light.iter();
         Self {
             reflectance,
             instructions,
@@ -61,10 +57,7 @@ impl<'a> GlossyChart<'a> {
             corner: lobe.to_lobe(plane.corner),
             axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
-            parts: f64::from(chart.parts),
-            light: light
-                .map(|part| part.map(|row| row.map(|[r, g, b]| [r, g, b, 0.0])))
-                .collect(),
+            light: LightCells::new(chart),
         }
     }
 }
@@ -122,11 +115,15 @@ impl<'a> Point<'a> {
             tolerance,
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
             counts: [glossy.plane.columns, glossy.plane.rows].map(f64::from),
-            order: if tolerance.is_check() {
-                order.finer()
-            } else {
-                order
-            },
+            order: (0..tolerance.level()).fold(order, |order, _| order.finer()),
         }
+    }
+
+    /// Widths of the lobe along p for a unit of slope, at q: the lobe is
+    /// exp(-(n_u p^2 + n_v q^2) ln(1+t)/(2t)), t about q^2, and the wider the larger q is.
+    #[inline(always)]
+    pub fn widths_per_slope(&self, q: f64) -> f64 {
+        let q2 = q * q + f64::MIN_POSITIVE;
+        (self.glossy.reflectance.lobe.n_u * (log1p(q2) / q2)).sqrt()
     }
 }

@@ -1,7 +1,6 @@
 //! The rule along the lobe's wide axis, in pieces between which the integral over the narrow one is
 //! smooth.
 
-use super::conic::Conic;
 use super::lanes::Cuts;
 use super::line::Lines;
 use super::point::Point;
@@ -127,23 +126,19 @@ impl Point<'_> {
 
     /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
     /// horizon beyond.
+    ///
+    /// Light is above the horizon in a disc of the slope plane about wo's tangents, which holds the
+    /// origin. Over the p that the lobe reaches it is widest nearest its middle.
     fn extent(&self) -> [f64; 2] {
         let lobe = &self.glossy.reflectance.lobe;
         let reach = self.tolerance.reach(lobe.n_v, TAIL_DIGITS);
-        let horizon = Conic::level(0.0, self.wo);
-        let widest = self.reach / lobe.n_u.sqrt();
-        let (mut low, mut high) = (0.0f64, 0.0f64);
-        for p in [-widest, 0.0, widest] {
-            for q in horizon
-                .on_column(p)
-                .zeros()
-                .into_iter()
-                .filter(|q| q.is_finite())
-            {
-                (low, high) = (low.min(q), high.max(q));
-            }
-        }
-        [low.max(-reach), high.min(reach)]
+        let per_height = 1.0 / self.wo.z;
+        let [p, q] = [self.wo.x * per_height, self.wo.y * per_height];
+        let farthest = reach.min(q.abs() + per_height);
+        let widest = self.reach / self.widths_per_slope(farthest);
+        let off = p - p.clamp(-widest, widest);
+        let half = (per_height * per_height - off * off).max(0.0).sqrt();
+        [(q - half).clamp(-reach, 0.0), (q + half).clamp(0.0, reach)]
     }
 
     /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
@@ -193,7 +188,6 @@ impl Point<'_> {
 
     /// Finds where the integral over p has a kink, and sorts all ends.
     fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
-        let per_width = self.glossy.reflectance.lobe.n_u.sqrt();
         let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
         let levels = self
             .branches
@@ -202,7 +196,7 @@ impl Point<'_> {
         let corners = self.glossy.corners.iter().filter_map(|corner| {
             let half = self.wo + (*corner - self.position).normalized();
             let [p, q] = [half.x / half.z, half.y / half.z];
-            (p.abs() * per_width < reach).then_some(q)
+            (p.abs() * self.widths_per_slope(q) < reach).then_some(q)
         });
         let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
         ends.extend(kinks.map(|q| End { q, kink: true }));
