@@ -253,6 +253,34 @@ fn indices(film: &Film) -> impl Iterator<Item = [u32; 2]> + use<> {
     (0..height).flat_map(move |row| (0..width).map(move |column| [column, row]))
 }
 
+/// A finer specification of this kind, how many times finer its film is, and what to say of it;
+/// `None` where it would take too long.
+fn finer_specification(
+    case: &Case,
+    film: &Film,
+    kind: Kind,
+) -> Option<(Specification, u32, String)> {
+    let count = film.width * film.height;
+    if kind == Kind::Resolution {
+        let fits = |factor: &u32| {
+            count * factor * factor <= FINER_PIXELS_MAX && film.width.max(film.height) <= 256
+        };
+        let factor = [16, 8, 4, 2].into_iter().find(fits)?;
+        let note = format!("; a film {factor} times finer");
+        return Some((case.magnified(factor), factor, note));
+    }
+    let tolerance = &case.specification.accuracy;
+    let fine = tolerance.absolute.max(tolerance.relative) < 1e-4;
+    if count > FINER_PIXELS_MAX / if fine { 64 } else { 2 } {
+        return None;
+    }
+    let specification = case.tightened(TIGHTER);
+    let tolerance = &specification.accuracy;
+    let (absolute, relative) = (tolerance.absolute, tolerance.relative);
+    let note = format!("; accuracy.absolute {absolute}, relative {relative}");
+    Some((specification, 1, note))
+}
+
 /// The pixel that is the most limits away from a finer rendering, if any is beyond both errors.
 fn finer(
     case: &Case,
@@ -260,29 +288,8 @@ fn finer(
     kind: Kind,
     limit: &impl Fn(&Specification, &FilmPixel) -> f64,
 ) -> Result<Option<Finding>, RenderError> {
-    let count = film.width * film.height;
-    let (specification, factor) = if kind == Kind::Resolution {
-        let fits = |factor: &u32| {
-            count * factor * factor <= FINER_PIXELS_MAX && film.width.max(film.height) <= 256
-        };
-        let Some(factor) = [16, 8, 4, 2].into_iter().find(fits) else {
-            return Ok(None);
-        };
-        (case.magnified(factor), factor)
-    } else {
-        let tolerance = &case.specification.accuracy;
-        let fine = tolerance.absolute.max(tolerance.relative) < 1e-4;
-        if count > FINER_PIXELS_MAX / if fine { 64 } else { 2 } {
-            return Ok(None);
-        }
-        (case.tightened(TIGHTER), 1)
-    };
-    let note = if kind == Kind::Resolution {
-        format!("; a film {factor} times finer")
-    } else {
-        let tolerance = &specification.accuracy;
-        let (absolute, relative) = (tolerance.absolute, tolerance.relative);
-        format!("; accuracy.absolute {absolute}, relative {relative}")
+    let Some((specification, factor, note)) = finer_specification(case, film, kind) else {
+        return Ok(None);
     };
     let other = render(&specification, case)?;
     // Stated errors of the path tracer hold in most pixels, not in all.
