@@ -9,11 +9,7 @@ const HALVINGS_MAX: u32 = 12;
 
 /// Points of a line across a pixel after which it is halved no more: what is left out then shows in
 /// the error.
-const LINE_POINTS_MAX: u32 = 600;
-
-/// Points of a pixel after which no more lines are added to it: what is left out then shows in the
-/// error.
-const POINTS_MAX: u32 = 4_000;
+const LINE_POINTS_MAX: u64 = 600;
 
 /// Halvings of the interval that lines are spread over.
 const SPREAD_HALVINGS_MAX: u32 = 6;
@@ -24,11 +20,13 @@ const KINKS: f64 = 3.0;
 
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
 /// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
-/// function changes faster.
+/// function changes faster. After `points_max` points no more lines are added, and no line is
+/// halved: what is left out then shows in the error.
 pub fn integrate(
     polygon: &Polygon,
     axis: usize,
     tolerance: f64,
+    points_max: u64,
     mut function: impl FnMut(f64, f64) -> [f64; 3],
 ) -> ([f64; 3], f64) {
     let across = 1 - axis;
@@ -48,7 +46,7 @@ pub fn integrate(
         _ => return ([0.0; 3], 0.0),
     };
     let (mut total, mut error) = ([0.0; 3], 0.0);
-    let mut points = 0;
+    let mut points = 0u64;
     while let Some((low, high, depth)) = open.pop() {
         if low >= high {
             continue;
@@ -68,14 +66,14 @@ pub fn integrate(
                     _ => function(at, position),
                 }
             };
-            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance);
+            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance, points_max);
             add_scaled(&mut fine, line, half * kronrod);
             add_scaled(&mut coarse, line, half * gauss);
             line_error += half * kronrod * missed;
         }
         let missed = KINKS * largest_difference(fine, coarse);
         let share = (high - low) * per_length;
-        if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && points < POINTS_MAX {
+        if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && points < points_max {
             open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
             continue;
         }
@@ -91,7 +89,9 @@ fn line_integral(
     from: f64,
     to: f64,
     tolerance: f64,
+    points_max: u64,
 ) -> ([f64; 3], f64) {
+    let points_max = points_max.min(LINE_POINTS_MAX);
     let (mut total, mut error) = ([0.0; 3], 0.0);
     let mut open = vec![(from, to, 0)];
     let mut points = 0;
@@ -104,8 +104,8 @@ fn line_integral(
             add_scaled(&mut coarse, value, half * gauss);
         }
         let missed = largest_difference(fine, coarse);
-        points += KRONROD.len() as u32;
-        if missed > tolerance && depth < HALVINGS_MAX && points < LINE_POINTS_MAX {
+        points += KRONROD.len() as u64;
+        if missed > tolerance && depth < HALVINGS_MAX && points < points_max {
             open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
             continue;
         }

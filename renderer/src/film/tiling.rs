@@ -27,6 +27,11 @@ const STUCK: f64 = 0.5;
 /// Points of a tile, -1 to 1 along each side, as far as can be from its nodes' lines.
 const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
 
+/// Points of a pixel after which no more lines are added to it, and the share of the limit on
+/// evaluations, one over this, after which neither are.
+const POINTS_MAX: u64 = 4_000;
+const PIXELS_A_LIMIT: u64 = 8;
+
 /// The narrowest tile that spans several pixels the other way.
 const STRIP_MIN: f64 = 0.125;
 
@@ -306,6 +311,7 @@ impl<S: Shade> Tiling<'_, S> {
         let before = self.before.least(rectangle, self.outline);
         let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
         let cross = Cross::of(self.shade, &nodes, demand.tolerance, scratch, &mut spent);
+        let per_point = (spent / (2 * TERMS as u64 - 1)).max(1);
         if effort != Effort::None {
             let allowed = self.allowed(before + self.gain * cross.least(), effort);
             let tails = self.basis.cross_tails(&cross.row, &cross.column);
@@ -357,9 +363,14 @@ impl<S: Shade> Tiling<'_, S> {
         let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
         let brightest = mean[0].max(mean[1]).max(mean[2]);
         let allowed = self.allowed(before + self.gain * brightest, effort);
-        let parts = self.pixel(rectangle, steep, allowed, missed, |film_point| {
-            evaluate(film_point, tolerance)
-        });
+        let points_max = (demand.evaluations_max / PIXELS_A_LIMIT / per_point).min(POINTS_MAX);
+        let parts = self.pixel(
+            rectangle,
+            steep,
+            [allowed, missed],
+            points_max,
+            |film_point| evaluate(film_point, tolerance),
+        );
         (Growth::Pixel(*rectangle, parts), spent)
     }
 
@@ -369,15 +380,16 @@ impl<S: Shade> Tiling<'_, S> {
         &self,
         rectangle: &Rectangle,
         steep: usize,
-        allowed: f64,
-        missed: f64,
+        [allowed, missed]: [f64; 2],
+        points_max: u64,
         mut function: impl FnMut([f64; 2]) -> [f64; 3],
     ) -> Vec<([f64; 3], f64)> {
         let integral = |region: &Region| {
             let covered = region.outline.clipped(rectangle);
-            let (value, error) = pixel::integrate(&covered, steep, allowed, |column, row| {
-                function([column, row])
-            });
+            let (value, error) =
+                pixel::integrate(&covered, steep, allowed, points_max, |column, row| {
+                    function([column, row])
+                });
             (value, error + missed * covered.area())
         };
         self.regions.iter().map(integral).collect()

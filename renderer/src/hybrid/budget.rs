@@ -158,9 +158,10 @@ pub fn edged_tile_pixels(feature_pixels: f64) -> f64 {
 }
 
 /// The length in pixels of a tile none of whose nodes' gaps hides a patch of this side: of eight
-/// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile. A pixel is the least.
+/// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile. [`FEATURE_MIN`] is the
+/// least: of smaller patches every tile shows many, and their number would be the number of tiles.
 pub fn patch_tile_pixels(patch_pixels: f64) -> f64 {
-    (patch_pixels / 0.195).max(1.0)
+    (patch_pixels / 0.195).max(FEATURE_MIN)
 }
 
 /// Whether a material's lobe is glossy: narrow, or narrow along one axis and far wider along the
@@ -308,6 +309,9 @@ pub mod glossy {
     /// But not from this exponent on: it would take a millisecond a point, and the polynomials are
     /// right to their last digit there (estimated).
     pub const WIDE_RULE_EXPONENT: f64 = 1e4;
+
+    /// Nor on charts of more patches, each of which takes points of its own. A limit on work.
+    pub const WIDE_RULE_PATCHES_MAX: usize = 256;
 
     /// The length of a cell of the light on the chart in ln(1 + height / gap). Measured: the parabolas
     /// miss a thousandth of what a rough sample sends to the chart.

@@ -211,7 +211,10 @@ impl Shade for ChartOffGlossyLobe<'_> {
     }
 
     fn finest_level(&self) -> u32 {
-        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT {
+        let patches = self.wide.chart.patches.len();
+        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
+            && patches <= glossy_budget::WIDE_RULE_PATCHES_MAX
+        {
             glossy_budget::ORDERS + 1
         } else {
             glossy_budget::ORDERS - 1
