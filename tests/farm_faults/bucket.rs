@@ -91,6 +91,18 @@ fn image(server: &Server, number: usize) -> PathBuf {
     server.objects("a/set/blobs")[number].clone()
 }
 
+/// Flips a bit of an image, cuts others short, makes one longer and removes one.
+fn damage(server: &Server) {
+    let mut flipped = fs::read(image(server, 3)).expect("an image");
+    let half = flipped.len() / 2;
+    flipped[half] ^= 4;
+    fs::write(image(server, 3), &flipped).expect("written");
+    fs::write(image(server, 10), &flipped[..half]).expect("written");
+    fs::write(image(server, 20), []).expect("written");
+    fs::write(image(server, 40), [&flipped[..], &flipped].concat()).expect("written");
+    fs::remove_file(image(server, 50)).expect("removed");
+}
+
 #[test]
 fn what_is_wrong_in_a_bucket_is_found_mended_and_cleared() {
     let (harness, server) = farm(6, 16);
@@ -116,14 +128,7 @@ fn what_is_wrong_in_a_bucket_is_found_mended_and_cleared() {
         "a bucket is named as",
     );
 
-    let mut flipped = fs::read(image(&server, 3)).expect("an image");
-    let half = flipped.len() / 2;
-    flipped[half] ^= 4;
-    fs::write(image(&server, 3), &flipped).expect("written");
-    fs::write(image(&server, 10), &flipped[..half]).expect("written");
-    fs::write(image(&server, 20), []).expect("written");
-    fs::write(image(&server, 40), [&flipped[..], &flipped].concat()).expect("written");
-    fs::remove_file(image(&server, 50)).expect("removed");
+    damage(&server);
     let output = harness.run("dataset verify --store farm --report report.json");
     assert_eq!(output.status.code(), Some(1));
     let report = fs::read(harness.path().join("report.json")).expect("a report");

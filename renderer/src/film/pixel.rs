@@ -7,9 +7,13 @@ use crate::numerics::polygon::Polygon;
 /// Halvings of a line across a pixel: edges of 1/4,000 of a pixel are resolved.
 const HALVINGS_MAX: u32 = 12;
 
-/// Points of a line across a pixel after which it is halved no more: what is left out then shows in
-/// the error.
-const LINE_POINTS_MAX: u64 = 600;
+/// The most points of a line across a pixel: what is left out then shows in the error. Enough for two
+/// edges of 1/4,000 of a pixel.
+const LINE_POINTS_MAX: u64 = 780;
+
+/// The first lines over a pixel may take this many times the points after which none are added: an edge
+/// along them is followed to its end before another line tells anything. Chosen.
+const FIRST_LINES: u64 = 4;
 
 /// Halvings of the interval that lines are spread over.
 const SPREAD_HALVINGS_MAX: u32 = 6;
@@ -20,8 +24,9 @@ const KINKS: f64 = 3.0;
 
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
 /// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
-/// function changes faster. After `points_max` points no more lines are added, and no line is
-/// halved: what is left out then shows in the error.
+/// function changes faster. After `points_max` points no more lines are added, and the first lines
+/// together take at most [`FIRST_LINES`] times as many, or 15 each: what is left out then shows in
+/// the error.
 pub fn integrate(
     polygon: &Polygon,
     axis: usize,
@@ -45,6 +50,8 @@ pub fn integrate(
         [first, .., last] if first < last => 1.0 / (last - first),
         _ => return ([0.0; 3], 0.0),
     };
+    let rule = KRONROD.len() as u64;
+    let line_points_max = (FIRST_LINES * points_max / rule).min(LINE_POINTS_MAX);
     let (mut total, mut error) = ([0.0; 3], 0.0);
     let mut points = 0u64;
     while let Some((low, high, depth)) = open.pop() {
@@ -66,7 +73,7 @@ pub fn integrate(
                     _ => function(at, position),
                 }
             };
-            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance, points_max);
+            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance, line_points_max);
             add_scaled(&mut fine, line, half * kronrod);
             add_scaled(&mut coarse, line, half * gauss);
             line_error += half * kronrod * missed;
@@ -83,7 +90,8 @@ pub fn integrate(
     (total, error)
 }
 
-/// The integral along a line by halving where 7 and 15 points disagree, and their disagreement.
+/// The integral along a line by halving where 7 and 15 points disagree, and their disagreement. It
+/// takes `points_max` points at most, or 15.
 fn line_integral(
     mut function: impl FnMut(f64) -> [f64; 3],
     from: f64,
@@ -91,10 +99,10 @@ fn line_integral(
     tolerance: f64,
     points_max: u64,
 ) -> ([f64; 3], f64) {
-    let points_max = points_max.min(LINE_POINTS_MAX);
+    let rule = KRONROD.len() as u64;
     let (mut total, mut error) = ([0.0; 3], 0.0);
     let mut open = vec![(from, to, 0)];
-    let mut points = 0;
+    let mut points = rule;
     while let Some((low, high, depth)) = open.pop() {
         let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
@@ -104,8 +112,8 @@ fn line_integral(
             add_scaled(&mut coarse, value, half * gauss);
         }
         let missed = largest_difference(fine, coarse);
-        points += KRONROD.len() as u64;
-        if missed > tolerance && depth < HALVINGS_MAX && points < points_max {
+        if missed > tolerance && depth < HALVINGS_MAX && points + 2 * rule <= points_max {
+            points += 2 * rule;
             open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
             continue;
         }

@@ -21,24 +21,27 @@ const TERMS: usize = 8;
 /// Tiles that are worked out between two looks at the limit on evaluations.
 const TILES_A_LOOK: usize = 32;
 
-/// A rule that is a little finer but still misses this share is not the coarser one's digits short.
+/// A little finer rule that still misses this share of what the coarser one missed does not converge by
+/// digits. The next level follows at once. Chosen.
 const STUCK: f64 = 0.5;
 
-/// Points of a tile, -1 to 1 along each side, as far as can be from its nodes' lines.
+/// Points of a tile, -1 to 1 along each side. They lie between the lines of its nodes.
 const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
 
-/// Points of a pixel after which no more lines are added to it, and the share of the limit on
-/// evaluations, one over this, after which neither are.
+/// A pixel gets no more lines after so many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
+
+/// Nor after one part in so many of the limit on evaluations. Chosen.
 const PIXELS_A_LIMIT: u64 = 8;
 
 /// The narrowest tile that spans several pixels the other way.
 const STRIP_MIN: f64 = 0.125;
 
-/// The longest strip thinner than a pixel, and the most that a thicker tile is longer than wide. The
-/// nodes of a longer one could miss where the top of a round edge reaches into it: of a circle of ten
-/// pixels' radius an eighth of a pixel cuts off three.
+/// The longest strip in pixels. The top of a round edge could reach into a longer one between its
+/// nodes: a circle of ten pixels' radius covers three of a strip of an eighth.
 const STRIP_LENGTH: f64 = 8.0;
+
+/// A thicker tile may be longer than wide by this factor, for the same reason.
 const ASPECT_MAX: f64 = 16.0;
 
 /// A part of the outline that multiplies the function.
@@ -66,9 +69,10 @@ pub struct Demand<'a> {
     pub accuracy: &'a Accuracy,
     /// What is too faint to matter: its target after half of all evaluations are spent.
     pub faint: f64,
-    /// The side in pixels of a tile that cannot overlook a feature of the function but the one below.
+    /// The side in pixels of a tile whose nodes cannot miss a detail of the function, unless all of the
+    /// function is smaller: see `feature`.
     pub side_max: f64,
-    /// Outside of this the function may be dark. Tiles are cut here where their nodes could miss it.
+    /// Where the function is lit, if it may be dark elsewhere. Tiles are cut along its sides.
     pub feature: Option<Rectangle>,
     /// Evaluations after which nothing is refined any more.
     pub evaluations_max: u64,
@@ -228,6 +232,31 @@ impl Brightness {
     }
 }
 
+/// The function with a thread's buffers, and what it took.
+struct Counted<'a, S: Shade> {
+    shade: &'a S,
+    scratch: &'a mut S::Scratch,
+    /// Evaluations.
+    spent: u64,
+    /// Points that they were spent on.
+    points: u64,
+}
+
+impl<S: Shade> Counted<'_, S> {
+    fn at(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> [f64; 3] {
+        let (value, evaluations) = self.shade.at(self.scratch, film_point, tolerance);
+        self.spent += u64::from(evaluations);
+        self.points += 1;
+        value
+    }
+
+    fn light_error(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> f64 {
+        let (error, evaluations) = self.shade.light_error(self.scratch, film_point, tolerance);
+        self.spent += u64::from(evaluations);
+        error
+    }
+}
+
 /// The function on a row and a column of a tile's nodes, where it is looked at first.
 struct Cross {
     row: [[f64; 3]; TERMS],
@@ -239,17 +268,11 @@ impl Cross {
     const AT: usize = TERMS / 2;
 
     fn of<S: Shade>(
-        shade: &S,
+        function: &mut Counted<'_, S>,
         nodes: &[[f64; 2]],
         tolerance: Tolerance,
-        scratch: &mut S::Scratch,
-        spent: &mut u64,
     ) -> Self {
-        let mut at = |index: usize| {
-            let (value, evaluations) = shade.at(scratch, nodes[index], tolerance);
-            *spent += u64::from(evaluations);
-            value
-        };
+        let mut at = |index: usize| function.at(nodes[index], tolerance);
         let row: [_; TERMS] = std::array::from_fn(|i| at(Self::AT * TERMS + i));
         let column = std::array::from_fn(|j| {
             if j == Self::AT {
@@ -306,12 +329,16 @@ impl<S: Shade> Tiling<'_, S> {
             return (Growth::Nothing, 0);
         }
         let demand = self.demand;
-        let mut spent = 0;
+        let mut function = Counted {
+            shade: self.shade,
+            scratch,
+            spent: 0,
+            points: 0,
+        };
         // What was added before counts: a pixel's target is for all of it.
         let before = self.before.least(rectangle, self.outline);
         let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
-        let cross = Cross::of(self.shade, &nodes, demand.tolerance, scratch, &mut spent);
-        let per_point = (spent / (2 * TERMS as u64 - 1)).max(1);
+        let cross = Cross::of(&mut function, &nodes, demand.tolerance);
         if effort != Effort::None {
             let allowed = self.allowed(before + self.gain * cross.least(), effort);
             let tails = self.basis.cross_tails(&cross.row, &cross.column);
@@ -319,59 +346,69 @@ impl<S: Shade> Tiling<'_, S> {
             if tails[steep] > allowed
                 && let Some(axis) = axis_to_halve(rectangle, steep)
             {
-                return (Growth::Halves(rectangle.halves(axis)), spent);
+                return (Growth::Halves(rectangle.halves(axis)), function.spent);
             }
         }
-        let (tolerance, missed) = self.rule(rectangle, before, effort, scratch, &mut spent);
-        let mut evaluate = |film_point: [f64; 2], tolerance: Tolerance| {
-            let (value, evaluations) = self.shade.at(scratch, film_point, tolerance);
-            spent += u64::from(evaluations);
-            value
-        };
+        let (tolerance, missed) = self.rule(rectangle, before, effort, &mut function);
         let values = nodes
             .iter()
             .enumerate()
             .map(|(index, node)| match cross.value(index) {
                 Some(value) if !tolerance.is_finer_than(demand.tolerance) => value,
-                _ => evaluate(*node, tolerance),
+                _ => function.at(*node, tolerance),
             });
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
-        // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
-        // there shows at the corners.
+        let fit_error = self.fit_error(&tile, fit.error, tolerance, &mut function);
+        if fit_error <= allowed || effort == Effort::None {
+            let tile = Growth::Tile(Box::new(tile), fit_error + missed);
+            return (tile, function.spent);
+        }
+        let steep = usize::from(fit.tails[1] > fit.tails[0]);
+        if let Some(axis) = axis_to_halve(rectangle, steep) {
+            return (Growth::Halves(rectangle.halves(axis)), function.spent);
+        }
+        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
+        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        let allowed = self.allowed(before + self.gain * brightest, effort);
+        let parts = self.pixel(
+            rectangle,
+            steep,
+            [allowed, missed],
+            tolerance,
+            &mut function,
+        );
+        (Growth::Pixel(*rectangle, parts), function.spent)
+    }
+
+    /// What a tile may be off by: what its series leaves out, and what shows at its corners and between
+    /// its nodes.
+    fn fit_error(
+        &self,
+        tile: &Tile<TERMS>,
+        left_out: f64,
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> f64 {
         let mut off = |points: [[f64; 2]; 4], tolerance: Tolerance| {
-            let off = points.map(|at| largest_difference(evaluate(at, tolerance), tile.value(at)));
+            let off =
+                points.map(|at| largest_difference(function.at(at, tolerance), tile.value(at)));
             off.into_iter().fold(0.0, f64::max)
         };
+        // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
+        // there shows at the corners.
+        let off_corners = off(tile.rectangle.corners(), tolerance);
         // The rule was looked at in the middle. Elsewhere it may miss more.
         let check = if tolerance.level() < self.shade.finest_level() {
             tolerance.finer()
         } else {
             tolerance
         };
-        let fit_error = fit
-            .error
-            .max(demand.shares.corners * off(rectangle.corners(), tolerance))
-            .max(demand.shares.between * off(BETWEEN.map(|at| rectangle.point(at)), check));
-        if fit_error <= allowed || effort == Effort::None {
-            return (Growth::Tile(Box::new(tile), fit_error + missed), spent);
-        }
-        let steep = usize::from(fit.tails[1] > fit.tails[0]);
-        if let Some(axis) = axis_to_halve(rectangle, steep) {
-            return (Growth::Halves(rectangle.halves(axis)), spent);
-        }
-        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
-        let brightest = mean[0].max(mean[1]).max(mean[2]);
-        let allowed = self.allowed(before + self.gain * brightest, effort);
-        let points_max = (demand.evaluations_max / PIXELS_A_LIMIT / per_point).min(POINTS_MAX);
-        let parts = self.pixel(
-            rectangle,
-            steep,
-            [allowed, missed],
-            points_max,
-            |film_point| evaluate(film_point, tolerance),
-        );
-        (Growth::Pixel(*rectangle, parts), spent)
+        let off_between = off(BETWEEN.map(|at| tile.rectangle.point(at)), check);
+        let shares = &self.demand.shares;
+        left_out
+            .max(shares.corners * off_corners)
+            .max(shares.between * off_between)
     }
 
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
@@ -381,14 +418,16 @@ impl<S: Shade> Tiling<'_, S> {
         rectangle: &Rectangle,
         steep: usize,
         [allowed, missed]: [f64; 2],
-        points_max: u64,
-        mut function: impl FnMut([f64; 2]) -> [f64; 3],
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
     ) -> Vec<([f64; 3], f64)> {
+        let spent = self.demand.evaluations_max / PIXELS_A_LIMIT;
+        let points_max = (spent * function.points / function.spent.max(1)).min(POINTS_MAX);
         let integral = |region: &Region| {
             let covered = region.outline.clipped(rectangle);
             let (value, error) =
                 pixel::integrate(&covered, steep, allowed, points_max, |column, row| {
-                    function([column, row])
+                    function.at([column, row], tolerance)
                 });
             (value, error + missed * covered.area())
         };
@@ -401,19 +440,12 @@ impl<S: Shade> Tiling<'_, S> {
         rectangle: &Rectangle,
         before: f64,
         effort: Effort,
-        scratch: &mut S::Scratch,
-        spent: &mut u64,
+        function: &mut Counted<'_, S>,
     ) -> (Tolerance, f64) {
-        let [low, high] = [rectangle.low, rectangle.high];
-        let middle = [0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])];
+        let middle = rectangle.point([0.0; 2]);
         let mut tolerance = self.demand.tolerance;
-        let (light_error, first) = self.shade.light_error(scratch, middle, tolerance);
-        *spent += u64::from(first);
-        let mut evaluate = |tolerance: Tolerance| {
-            let (value, evaluations) = self.shade.at(scratch, middle, tolerance);
-            *spent += u64::from(evaluations);
-            value
-        };
+        let light_error = function.light_error(middle, tolerance);
+        let mut evaluate = |tolerance: Tolerance| function.at(middle, tolerance);
         // What a rule misses shows against a finer one. The finest itself is stated to miss what it
         // was found to mend.
         let (mut check, mut before_missed) = (tolerance.finer(), f64::INFINITY);

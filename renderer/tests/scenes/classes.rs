@@ -267,6 +267,7 @@ fn class_unbounded_a_chart_of_many_edges_takes_bounded_work() {
     let vary = |random: &mut Random, specification: &mut Specification, material: &mut Material| {
         specification.views[0].camera_elevation_deg = random.log_uniform(0.1, 5.0);
         specification.checker.pitch_m *= random.log_uniform(0.1, 1.0);
+        square_film(specification, random.one_of(&[8, 32, 128]));
         material.roughness = random.uniform(2.0, 20.0);
         material.anisotropy = random.uniform(0.3, 1.0);
     };

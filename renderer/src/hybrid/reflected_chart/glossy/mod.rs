@@ -8,29 +8,18 @@
 //! crosses the axis p = 0, where a corner of a patch lies in the lobe, and where an edge that runs
 //! along p enters and leaves it.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
+
 mod branches;
-#[allow(
-    clippy::needless_range_loop,
-    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
-)]
 mod conic;
-#[allow(
-    clippy::needless_range_loop,
-    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
-)]
 mod lanes;
 mod light_cells;
-#[allow(
-    clippy::needless_range_loop,
-    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
-)]
 mod line;
 mod moments;
 mod point;
-#[allow(
-    clippy::needless_range_loop,
-    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
-)]
 mod seen;
 mod wide_axis;
 
