@@ -25,7 +25,7 @@ const KINKS: f64 = 3.0;
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
 /// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
 /// function changes faster. After `points_max` points no more lines are added, and the first lines
-/// together take at most [`FIRST_LINES`] times as many, or 15 each: what is left out then shows in
+/// together take at most [`FIRST_LINES`] times as many, or 17 each: what is left out then shows in
 /// the error.
 pub fn integrate(
     polygon: &Polygon,
@@ -42,10 +42,6 @@ pub fn integrate(
         .map(|corner| corner[across])
         .collect();
     breaks.sort_unstable_by(f64::total_cmp);
-    let mut open: Vec<_> = breaks
-        .windows(2)
-        .map(|pair| (pair[0], pair[1], 0))
-        .collect();
     let per_length = match breaks[..] {
         [first, .., last] if first < last => 1.0 / (last - first),
         _ => return ([0.0; 3], 0.0),
@@ -54,71 +50,104 @@ pub fn integrate(
     let line_points_max = (FIRST_LINES * points_max / rule).min(LINE_POINTS_MAX);
     let (mut total, mut error) = ([0.0; 3], 0.0);
     let mut points = 0u64;
-    while let Some((low, high, depth)) = open.pop() {
-        if low >= high {
-            continue;
-        }
+    let mut line = |at: f64| {
+        let Some([from, to]) = polygon.chord(across, at) else {
+            return Line::default();
+        };
+        let along = |position: f64| match axis {
+            0 => function(position, at),
+            _ => function(at, position),
+        };
+        line_integral(along, from, to, 0.5 * tolerance, line_points_max)
+    };
+    let mut open: Vec<_> = breaks
+        .windows(2)
+        .filter(|pair| pair[0] < pair[1])
+        .map(|pair| {
+            let ends = [pair[0], pair[1]].map(|at| Some(line(at).value));
+            (pair[0], pair[1], ends, 0)
+        })
+        .collect();
+    while let Some((low, high, ends, depth)) = open.pop() {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
         let mut line_error = 0.0;
-        for (node, kronrod, gauss) in KRONROD {
-            let at = middle + half * node;
-            let Some([from, to]) = polygon.chord(across, at) else {
-                continue;
-            };
-            let along = |position: f64| {
-                points += 1;
-                match axis {
-                    0 => function(position, at),
-                    _ => function(at, position),
-                }
-            };
-            let (line, missed) = line_integral(along, from, to, 0.5 * tolerance, line_points_max);
-            add_scaled(&mut fine, line, half * kronrod);
-            add_scaled(&mut coarse, line, half * gauss);
-            line_error += half * kronrod * missed;
-        }
-        let missed = KINKS * largest_difference(fine, coarse);
+        let values = KRONROD.map(|(node, kronrod, _)| {
+            let line = line(middle + half * node);
+            line_error += half * kronrod * line.missed;
+            points += line.points;
+            line.value
+        });
+        let (value, missed) = integral(&values, ends, half);
+        let missed = KINKS * missed;
         let share = (high - low) * per_length;
         if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && points < points_max {
-            open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
+            open.push((low, middle, [ends[0], None], depth + 1));
+            open.push((middle, high, [None, ends[1]], depth + 1));
             continue;
         }
-        add_scaled(&mut total, fine, 1.0);
+        add_scaled(&mut total, value, 1.0);
         error += line_error + missed;
     }
     (total, error)
 }
 
+/// The integral along a line.
+#[derive(Default)]
+struct Line {
+    value: [f64; 3],
+    /// What it may be off by.
+    missed: f64,
+    /// Points that it took.
+    points: u64,
+}
+
+/// The integral over an interval of this half length, and what it may miss: the difference of 15 and 7
+/// points, and what the values at the ends tell, where they are given, of features between them and
+/// the outermost points.
+fn integral(values: &[[f64; 3]; 15], ends: [Option<[f64; 3]>; 2], half: f64) -> ([f64; 3], f64) {
+    let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
+    for (value, (_, kronrod, gauss)) in values.iter().zip(KRONROD) {
+        add_scaled(&mut fine, *value, half * kronrod);
+        add_scaled(&mut coarse, *value, half * gauss);
+    }
+    let gap = half * (1.0 + KRONROD[0].0);
+    let outermost = [[values[0], values[1]], [values[14], values[13]]];
+    let beyond = ends.iter().zip(outermost).map(|(end, [last, before])| {
+        // Of a smooth function the end is five times nearer to the last point than that to the one before.
+        let jump = |end| largest_difference(end, last) - largest_difference(last, before);
+        end.map_or(0.0, jump).max(0.0) * gap
+    });
+    (fine, largest_difference(fine, coarse) + beyond.sum::<f64>())
+}
+
 /// The integral along a line by halving where 7 and 15 points disagree, and their disagreement. It
-/// takes `points_max` points at most, or 15.
+/// takes `points_max` points at most, or 17.
 fn line_integral(
     mut function: impl FnMut(f64) -> [f64; 3],
     from: f64,
     to: f64,
     tolerance: f64,
     points_max: u64,
-) -> ([f64; 3], f64) {
+) -> Line {
     let rule = KRONROD.len() as u64;
-    let (mut total, mut error) = ([0.0; 3], 0.0);
-    let mut open = vec![(from, to, 0)];
-    let mut points = rule;
-    while let Some((low, high, depth)) = open.pop() {
-        let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
+    let ends = [from, to].map(|end| Some(function(end)));
+    let mut open = vec![(from, to, ends, 0)];
+    let mut line = Line {
+        points: rule + 2,
+        ..Line::default()
+    };
+    while let Some((low, high, ends, depth)) = open.pop() {
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        for (node, kronrod, gauss) in KRONROD {
-            let value = function(middle + half * node);
-            add_scaled(&mut fine, value, half * kronrod);
-            add_scaled(&mut coarse, value, half * gauss);
-        }
-        let missed = largest_difference(fine, coarse);
-        if missed > tolerance && depth < HALVINGS_MAX && points + 2 * rule <= points_max {
-            points += 2 * rule;
-            open.extend([(low, middle, depth + 1), (middle, high, depth + 1)]);
+        let values = KRONROD.map(|(node, ..)| function(middle + half * node));
+        let (value, missed) = integral(&values, ends, half);
+        if missed > tolerance && depth < HALVINGS_MAX && line.points + 2 * rule <= points_max {
+            line.points += 2 * rule;
+            open.push((low, middle, [ends[0], None], depth + 1));
+            open.push((middle, high, [None, ends[1]], depth + 1));
             continue;
         }
-        add_scaled(&mut total, fine, 1.0);
-        error += missed;
+        add_scaled(&mut line.value, value, 1.0);
+        line.missed += missed;
     }
-    (total, error)
+    line
 }

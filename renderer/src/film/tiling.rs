@@ -28,6 +28,9 @@ const STUCK: f64 = 0.5;
 /// Points of a tile, -1 to 1 along each side. They lie between the lines of its nodes.
 const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
 
+/// Points on the sides of a tile, likewise, between its corners and the lines of its nodes.
+const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
+
 /// A pixel gets no more lines after so many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
 
@@ -57,8 +60,8 @@ pub struct Region {
 pub struct Shares {
     /// The share that the rule at a tile's middle may miss.
     pub rule: f64,
-    /// What a tile is off by at its corners, where it is worst, counts by this share.
-    pub corners: f64,
+    /// What a tile is off by on its sides and at its corners, where it is worst, counts by this share.
+    pub rim: f64,
     /// The same at points between the nodes.
     pub between: f64,
 }
@@ -396,19 +399,18 @@ impl<S: Shade> Tiling<'_, S> {
             off.into_iter().fold(0.0, f64::max)
         };
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
-        // there shows at the corners.
-        let off_corners = off(tile.rectangle.corners(), tolerance);
+        // there shows at the corners, and the start of a steep rise on the sides.
+        let rim = off(tile.rectangle.corners(), tolerance)
+            .max(off(ON_SIDES.map(|at| tile.rectangle.point(at)), tolerance));
         // The rule was looked at in the middle. Elsewhere it may miss more.
         let check = if tolerance.level() < self.shade.finest_level() {
             tolerance.finer()
         } else {
             tolerance
         };
-        let off_between = off(BETWEEN.map(|at| tile.rectangle.point(at)), check);
+        let between = off(BETWEEN.map(|at| tile.rectangle.point(at)), check);
         let shares = &self.demand.shares;
-        left_out
-            .max(shares.corners * off_corners)
-            .max(shares.between * off_between)
+        left_out.max(shares.rim * rim).max(shares.between * between)
     }
 
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,

@@ -56,7 +56,7 @@ const FEATURE_MIN: f64 = 4.0;
 /// How [`tiling`] divides what a tile may miss. Chosen.
 pub const TILING: tiling::Shares = tiling::Shares {
     rule: 0.1,
-    corners: 0.5,
+    rim: 0.5,
     between: 1.0,
 };
 
@@ -412,8 +412,12 @@ pub mod interreflection {
     /// smooth function it is far below. Chosen.
     pub const STUCK: f64 = 0.5;
 
+    /// But then the rules are not to blame if they miss less than this share of it where they were
+    /// compared with finer ones. Chosen.
+    pub const STUCK_MISSED: f64 = 0.03;
+
     /// Tiles are halved no more than this often. A limit on work. Chosen.
-    pub const HALVINGS_MAX: u32 = 8;
+    pub const HALVINGS_MAX: u32 = 12;
 
     /// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
     pub const ROTATED_FROM: f64 = 10.0;

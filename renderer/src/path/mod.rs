@@ -3,7 +3,8 @@
 //! Its estimators leave no rare events, so that few samples know their own error:
 //!
 //! - Each surface, and the bulb, is sampled on the part of the pixel that it may fill
-//!   ([`footprint`]), and a small mirror image of the bulb with paths of its own.
+//!   ([`footprint`]), and where the bulb shows small in the sample ([`highlight`]) there are paths of
+//!   its own.
 //! - At each hit the bulb is sampled over the cone that it fills from a diffuse surface, and over
 //!   the half vectors that turn to it, by the lobe, from a glossy one ([`glint`]). A scattered ray
 //!   that meets the bulb adds nothing.
@@ -15,6 +16,7 @@
 
 mod footprint;
 mod glint;
+mod highlight;
 mod interval;
 
 use crate::bsdf::Bsdf;
@@ -120,8 +122,8 @@ pub struct Tracer<'a> {
     outlines: Vec<(Target, Outline)>,
     /// A polygon inside the bulb's outline.
     inside_bulb: Outline,
-    /// The bulb's mirror image in the sample.
-    mirrored: Outline,
+    /// The bulb's highlight on the sample.
+    highlight: Outline,
     /// At most the radiance of the chart by the bulb's light.
     chart_max: f64,
 }
@@ -147,20 +149,20 @@ struct Part {
     area: Area,
     /// How much of `area` may not see the bulb, which is of another shape.
     gap: f64,
-    /// The bulb's mirror image, where it is a small share of `area`. Half the paths start there.
-    glint: Option<Area>,
+    /// The bulb's highlight, where it is a small share of `area`. Half the paths start there.
+    highlight: Option<Area>,
 }
 
 impl Part {
     /// A film point and its weight, from a point of the open unit square.
     fn point(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
-        let Some(glint) = &self.glint else {
+        let Some(highlight) = &self.highlight else {
             return (self.area.point([x, y]), self.area.size());
         };
         let point = if x < 0.5 {
             self.area.point([2.0 * x, y])
         } else {
-            glint.point([2.0 * x - 1.0, y])
+            highlight.point([2.0 * x - 1.0, y])
         };
         let holds = |area: &Area| {
             if area.holds(point) {
@@ -169,8 +171,8 @@ impl Part {
                 0.0
             }
         };
-        // The mirror image may reach beyond the sample's edge, where nothing is met.
-        (point, 2.0 / (1.0 / self.area.size() + holds(glint)))
+        // The highlight may reach beyond the sample's edge, where nothing is met.
+        (point, 2.0 / (1.0 / self.area.size() + holds(highlight)))
     }
 }
 
@@ -179,8 +181,8 @@ impl Part {
 const AIMED: f64 = 0.5;
 const AIMED_LATER: f64 = 0.25;
 
-/// The share of a pixel's part below which the bulb's mirror image gets paths of its own.
-const GLINT_SHARE_MAX: f64 = 0.25;
+/// The share of a pixel's part below which the bulb's highlight gets paths of its own.
+const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
 
 impl<'a> Tracer<'a> {
     /// A tracer of paths that touch at most `bounces_max` surfaces.
@@ -192,8 +194,7 @@ impl<'a> Tracer<'a> {
             radiance,
         } = scene.bulb;
         let [bulb, inside_bulb] = Outline::of_sphere(camera, centre, radius);
-        let below = Vec3::new(centre.x, centre.y, -centre.z);
-        let [mirrored, _] = Outline::of_sphere(camera, below, radius);
+        let highlight = highlight::outline(camera, &scene.bulb, &reflectance.lobe);
         let mut outlines = vec![(Target::Bulb, bulb)];
         for (id, rectangle) in scene.rectangles() {
             let outline = Outline::of_polygon(camera, &rectangle.corners());
@@ -216,7 +217,7 @@ impl<'a> Tracer<'a> {
             bounces_max,
             outlines,
             inside_bulb,
-            mirrored,
+            highlight,
             chart_max,
         }
     }
@@ -225,11 +226,11 @@ impl<'a> Tracer<'a> {
     pub fn footprint(&self, column: u32, row: u32) -> Footprint {
         let part = |(target, outline): &(Target, Outline)| {
             let area = outline.within_pixel(column, row)?;
-            let glint = match *target {
-                Target::Surface(SAMPLE) => self.mirrored.within_pixel(column, row),
+            let highlight = match *target {
+                Target::Surface(SAMPLE) => self.highlight.within_pixel(column, row),
                 _ => None,
             };
-            let small = |glint: &Area| glint.size() < GLINT_SHARE_MAX * area.size();
+            let small = |highlight: &Area| highlight.size() < HIGHLIGHT_SHARE_MAX * area.size();
             let gap = match *target {
                 Target::Bulb => {
                     let inside = self.inside_bulb.within_pixel(column, row);
@@ -240,7 +241,7 @@ impl<'a> Tracer<'a> {
             Some(Part {
                 target: *target,
                 gap,
-                glint: glint.filter(small),
+                highlight: highlight.filter(small),
                 area,
             })
         };

@@ -79,11 +79,17 @@ impl Interreflection {
         let tolerance = frame.tolerance(&found.bounds);
         let left_out = LEFT_OUT_SHARE * tolerance;
         let bounds = Bounds::new(&frame, reflectance);
+        let reflected = bounds.transfer * frame.reflectance_max();
+        // An error of one order comes back in the orders above it: a geometric series in steps of two.
+        let once = match view.bounces_max {
+            2 => 1.0,
+            _ => 1.0 - reflected,
+        };
         let mut order_1_max = bounds.order_1;
         if bounds.order_1 <= left_out {
             found.error += bounds.order_1;
         } else {
-            let order_1 = order_1::solve(&frame, ORDER_1_SHARE)?;
+            let order_1 = order_1::solve(&frame, once * ORDER_1_SHARE)?;
             order_1_max = order_1.largest + order_1.error;
             found.error += order_1.error;
             found.evaluations += order_1.evaluations;
@@ -92,19 +98,16 @@ impl Interreflection {
         if view.bounces_max < 3 {
             return Ok(found);
         }
-        // The sum of a geometric series in steps of two orders.
-        let reflected = bounds.transfer * frame.reflectance_max();
-        let most = reflected * (frame.direct_max() + order_1_max) / (1.0 - reflected);
+        let most = reflected * (frame.direct_max() + order_1_max) / once;
         if most <= left_out {
             found.error += most;
             return Ok(found);
         }
-        let allowed = HIGHER_SHARE * tolerance;
+        let allowed = once * HIGHER_SHARE * tolerance;
         let higher = Higher::solve(&frame, allowed, |at| {
             found.order_1_at(frame.tile_position(at))
         })?;
-        // An error of order 1 comes back in the orders above it.
-        found.error = (found.error + higher.error) / (1.0 - reflected);
+        found.error = (found.error + higher.error) / once;
         found.evaluations += higher.evaluations;
         found.higher = Some(higher.tiles);
         Ok(found)

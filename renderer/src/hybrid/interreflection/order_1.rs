@@ -7,7 +7,7 @@ use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
     DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
-    SLIVER, STUCK, UNRESOLVED_SHARE,
+    SLIVER, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
@@ -199,8 +199,11 @@ fn fit<const TERMS: usize>(
         for (node, finer) in indices.into_iter().zip(&finer) {
             missed = missed.max(largest_difference(coarse[node].light, finer.light));
         }
-        // What halving does not lessen is what the rules miss, wherever they were compared.
-        let stuck = level == open.level && fit.error > STUCK * open.before;
+        // What halving does not lessen may be what the rules miss elsewhere than they were compared, if
+        // they miss anything there.
+        let stuck = level == open.level
+            && fit.error > STUCK * open.before
+            && missed > STUCK_MISSED * fit.error;
         let split = may_split && fit.error > SERIES_FIRST * missed && !stuck;
         // The next level has up to three times the evaluations.
         let dear = evaluations + 3 * here > evaluations_max;

@@ -6,7 +6,7 @@
 
 use super::transfer::{Along, Receiver};
 use crate::hybrid::budget::interreflection::{ROTATED_FROM, TAIL_DIGITS};
-use crate::numerics::elementary::{asinh, exp};
+use crate::numerics::elementary::{asinh, exp, log1p};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::lobe::Lobe;
@@ -19,6 +19,10 @@ const WIDTHS_PER_ANGLE: f64 = 0.5;
 /// Intervals of s shorter than this are corners that coincide.
 const SHORTEST: f64 = 1e-9;
 
+/// So much of an interval lies outside of the lines that tell how the lobe leaves the square on it: its
+/// own ends may be corners, where lines have no length.
+const INSIDE: f64 = 1e-6;
+
 /// Lines that a rule is likely to have.
 const LINES_LIKELY: usize = 32;
 
@@ -27,7 +31,7 @@ const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
 /// Steps of a side of the square among which the lobe's middle is looked for, and halvings.
 const STEPS: usize = 8;
-const HALVINGS: usize = 12;
+const HALVINGS: usize = 20;
 
 /// Finds where a function changes its sign between 0 and 1.
 fn crossings(function: impl Fn(f64) -> f64, mut found: impl FnMut(f64)) {
@@ -72,6 +76,44 @@ pub struct SampleRule {
     pub along: Along,
     /// Whether the rules have points enough for the lobe.
     pub resolved: bool,
+}
+
+/// The middle of a lobe that is narrow along u, on the sample: the points whose half vector between a
+/// source and a receiver has no slope along u. Where it leaves the square, lines lose the lobe.
+struct Ridge {
+    receiver: Vec3,
+    source: Vec3,
+    n_u: f64,
+    /// How many widths of the lobe count on either side.
+    reach: f64,
+}
+
+impl Ridge {
+    /// How many widths of the lobe a point lies off it. Far out along its other axis the lobe is wider
+    /// along this one.
+    fn widths_off(&self, [u, v]: [f64; 2]) -> f64 {
+        let at = Vec3::new(u, v, 0.0);
+        let half = (self.receiver - at).normalized() + (self.source - at).normalized();
+        let [p, q] = [half.x / half.z, half.y / half.z];
+        let t = q * q + f64::MIN_POSITIVE;
+        p * (self.n_u * (log1p(t) / t)).sqrt()
+    }
+
+    /// Over how many widths the ends of lines move from the first of them to the last, where the lobe
+    /// reaches; `None` if it reaches none of them.
+    fn widths_passed(&self, lines: [[f64; 3]; 3]) -> Option<f64> {
+        let off = lines.map(|[v, low, high]| [low, high].map(|u| self.widths_off([u, v])));
+        let beyond = |is_beyond: fn(f64, f64) -> bool| {
+            let mut ends = off.iter().flatten();
+            ends.all(|&off| is_beyond(off, self.reach))
+        };
+        if beyond(|off, reach| off > reach) || beyond(|off, reach| off < -reach) {
+            return None;
+        }
+        let off = off.map(|ends| ends.map(|off| off.clamp(-self.reach, self.reach)));
+        let passed = [0, 1].map(|end| (off[2][end] - off[0][end]).abs());
+        Some(passed[0].max(passed[1]))
+    }
 }
 
 impl SampleFrame {
@@ -130,18 +172,41 @@ impl SampleFrame {
         let mut lines = Vec::with_capacity(LINES_LIKELY);
         let (mut longest, mut closest) = ([0.0; 3], [0.0, f64::INFINITY, 0.0]);
         let mut resolved = true;
-        let ends = self.ends(receiver, source, |v| asinh((v - nearest) / delta));
+        let ridge = source
+            .filter(|_| self.aligned && self.n_u > ROTATED_FROM)
+            .map(|source| Ridge {
+                receiver: c,
+                source,
+                n_u: self.n_u,
+                reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+            });
+        let v_of = |s: f64| {
+            let e = exp(s);
+            nearest + 0.5 * delta * (e - 1.0 / e)
+        };
+        let ends = self.ends(ridge.as_ref(), |v| asinh((v - nearest) / delta));
         for pair in ends.windows(2) {
             let [from, to] = [pair[0], pair[1]];
             if to - from < SHORTEST {
                 continue;
             }
-            let points = self.points(self.n_v, from, to, tolerance);
+            let line = |share: f64| {
+                let v = v_of(from + share * (to - from));
+                let [low, high] = self.line(v);
+                [v, low, high]
+            };
+            let passed = ridge.as_ref().map_or(Some(0.0), |ridge| {
+                ridge.widths_passed([line(INSIDE), line(0.5), line(1.0 - INSIDE)])
+            });
+            let Some(widths) = passed else {
+                continue;
+            };
+            let points = self.points(self.n_v, [from, to], widths, tolerance);
             resolved &= points <= POINTS_MAX;
             for (s, weight) in GaussRule::of(points).on(from, to) {
                 let e = exp(s);
-                let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
-                let v = nearest + delta * sinh;
+                let cosh = 0.5 * (e + 1.0 / e);
+                let v = v_of(s);
                 let [low, high] = self.line(v);
                 if low >= high {
                     continue;
@@ -155,10 +220,19 @@ impl SampleFrame {
                 }
             }
         }
-        let most = [longest, closest]
-            .map(|line| self.points_along(receiver, line, tolerance))
-            .into_iter()
-            .fold(1, usize::max);
+        let most = match &ridge {
+            Some(ridge) => lines
+                .iter()
+                .map(|&[v, _, low, high]| {
+                    let widths = ridge.widths_off([high, v]) - ridge.widths_off([low, v]);
+                    tolerance.points(widths.abs(), 1.0)
+                })
+                .fold(1, usize::max),
+            None => [longest, closest]
+                .map(|line| self.points_along(receiver, line, tolerance))
+                .into_iter()
+                .fold(1, usize::max),
+        };
         let within = tolerance.points(tolerance.reach_widths(TAIL_DIGITS), 1.0);
         let cut = self.aligned && within < most;
         SampleRule {
@@ -181,39 +255,24 @@ impl SampleFrame {
         let (off, across) = (c.x - nearest, c.y - v);
         let reach = (off * off + across * across + c.z * c.z).sqrt();
         let [first, last] = [low, high].map(|u| asinh((u - nearest) / reach));
-        self.points(self.n_u, first, last, tolerance)
+        self.points(self.n_u, [first, last], 0.0, tolerance)
     }
 
-    /// Where the outer rule is parted, as values of s: at the square's corners, and where the
-    /// middle of a lobe that is narrow along u leaves the square.
-    fn ends(
-        &self,
-        receiver: &Receiver,
-        source: Option<Vec3>,
-        s_of: impl Fn(f64) -> f64,
-    ) -> Vec<f64> {
+    /// Where the outer rule is parted, as values of s: at the square's corners, and where a lobe that is
+    /// narrow along u begins to leave the square and has left it.
+    fn ends(&self, ridge: Option<&Ridge>, s_of: impl Fn(f64) -> f64) -> Vec<f64> {
         let ([cos, sin], half) = (self.u_axis, self.half);
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
             .map(|(x, y)| [half * (x * cos + y * sin), half * (y * cos - x * sin)]);
         let mut ends: Vec<f64> = corners.iter().map(|&[_, v]| s_of(v)).collect();
-        if let (Some(source), true) = (source, self.aligned && self.n_u > ROTATED_FROM) {
-            let h_u = |u: f64, v: f64| {
-                [receiver.position, source]
-                    .map(|to| {
-                        let (du, dv) = (to.x - u, to.y - v);
-                        du / (du * du + dv * dv + to.z * to.z).sqrt()
-                    })
-                    .into_iter()
-                    .sum::<f64>()
-            };
+        if let Some(ridge) = ridge {
             for (index, from) in corners.iter().enumerate() {
                 let to = corners[(index + 1) % corners.len()];
                 let at = |t: f64| [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
-                let value = |t: f64| {
-                    let [u, v] = at(t);
-                    h_u(u, v)
-                };
-                crossings(value, |t| ends.push(s_of(at(t)[1])));
+                for off in [-ridge.reach, ridge.reach] {
+                    let value = |t: f64| ridge.widths_off(at(t)) - off;
+                    crossings(value, |t| ends.push(s_of(at(t)[1])));
+                }
             }
         }
         ends.sort_unstable_by(f64::total_cmp);
@@ -221,11 +280,11 @@ impl SampleFrame {
     }
 
     /// Gauss points for an interval of a variable whose hyperbolic sine is the tangent of an angle,
-    /// over which a lobe of exponent `n` varies.
-    fn points(&self, n: f64, from: f64, to: f64, tolerance: Tolerance) -> usize {
+    /// over which a lobe of exponent `n` varies, and `widths` of another one.
+    fn points(&self, n: f64, [from, to]: [f64; 2], widths: f64, tolerance: Tolerance) -> usize {
         // atan(sinh s) is 2 atan(tanh(s / 2)): at most s, and at most a right angle.
         let angle = (to.min(QUARTER) - from.max(-QUARTER)).max(0.0);
-        let widths = WIDTHS_PER_ANGLE * angle * n.sqrt();
+        let widths = widths + WIDTHS_PER_ANGLE * angle * n.sqrt();
         tolerance.points(widths, tolerance.more_beside(to - from))
     }
 }

@@ -1,0 +1,137 @@
+//! Where the bulb shows in the sample: about its mirror image, as far as the lobe blurs it.
+//!
+//! A pixel that sees metres of a sample may hold all of this in a millionth of its area. It gets paths
+//! of its own there.
+
+use super::footprint::Outline;
+use crate::reflectance::lobe::Lobe;
+use crate::scene::{Bulb, PinholeCamera};
+use crate::vector::Vec3;
+use crate::warp::perpendiculars;
+use std::f64::consts::PI;
+
+/// Standard deviations of the lobe from its middle to the outline. Of a Gaussian in two dimensions
+/// exp(-REACH^2/2), 4e-5, lies beyond.
+const REACH: f64 = 4.5;
+
+/// Corners of the outline, and directions to the bulb's edge that are looked at.
+const SIDES: u32 = 256;
+
+/// The film outline of the points of the sample's plane z = 0 from which a facet that the lobe holds
+/// turns the camera's direction to the bulb. About the mirror image's centre slopes of half vectors
+/// are linear in the position; far from it the outline is only near the right one.
+pub fn outline(camera: &PinholeCamera, bulb: &Bulb, lobe: &Lobe) -> Outline {
+    let (eye, centre) = (camera.position, bulb.centre);
+    let below = Vec3::new(centre.x, centre.y, -centre.z);
+    let mirror = eye + (below - eye) * (eye.z / (eye.z + centre.z));
+    let (to_eye, to_bulb) = (eye - mirror, centre - mirror);
+    let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
+    // The derivatives of the half vector wo + wi by the position.
+    let derivative = |along: Vec3| {
+        let turn =
+            |unit: Vec3, offset: Vec3| (unit * unit.dot(along) - along) * (1.0 / offset.length());
+        (turn(wo, to_eye) + turn(wi, to_bulb)) * (1.0 / (wo.z + wi.z))
+    };
+    let by_x = derivative(Vec3::new(1.0, 0.0, 0.0));
+    let by_y = derivative(Vec3::new(0.0, 1.0, 0.0));
+    let per_determinant = 1.0 / (by_x.x * by_y.y - by_x.y * by_y.x);
+    let [extent_u, extent_v] = bulb_slopes(wo, to_bulb, bulb.radius, lobe);
+    let reach = [
+        extent_u + REACH / lobe.n_u.sqrt(),
+        extent_v + REACH / lobe.n_v.sqrt(),
+    ];
+    let corners = around().map(|[cos, sin]| {
+        let slope = lobe.to_surface(Vec3::new(reach[0] * cos, reach[1] * sin, 0.0));
+        let x = (by_y.y * slope.x - by_y.x * slope.y) * per_determinant;
+        let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
+        mirror + Vec3::new(x, y, 0.0)
+    });
+    Outline::of_polygon(camera, &corners.collect::<Vec<_>>())
+}
+
+/// The largest slopes along the lobe's axes of half vectors between `wo` and the bulb.
+fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
+    let axis = to_bulb.normalized();
+    let (x, y) = perpendiculars(axis);
+    let tangent = radius / (to_bulb.length_squared() - radius * radius).sqrt();
+    around().fold([0.0; 2], |[u, v], [cos, sin]| {
+        let edge = (axis + x * (tangent * cos) + y * (tangent * sin)).normalized();
+        let half = lobe.to_lobe(wo + edge);
+        [
+            u.max((half.x / half.z).abs()),
+            v.max((half.y / half.z).abs()),
+        ]
+    })
+}
+
+/// Cosines and sines of angles all around.
+fn around() -> impl Iterator<Item = [f64; 2]> {
+    (0..SIDES).map(|side| {
+        let (sin, cos) = libm::sincos(2.0 * PI * f64::from(side) / f64::from(SIDES));
+        [cos, sin]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// The share of the lobe's light about the mirror image that lies outside of the outline.
+    fn share_outside(view: usize, exponents: [f64; 2]) -> f64 {
+        const STEPS: i32 = 120;
+        const WIDTHS: f64 = 12.0;
+        let mut specification = Specification::preset();
+        (specification.image.width, specification.image.height) = (1, 1);
+        specification.camera.film_half_width = 5.0;
+        let scene = Scene::new(&specification, view, BackendChoice::Native);
+        let scene = scene.expect("such a view").expect("a scene");
+        let mut lobe = Lobe::new(10.0, 0.5, 30.0);
+        [lobe.n_u, lobe.n_v] = exponents;
+        let (camera, bulb) = (&scene.camera, &scene.bulb);
+        let area = outline(camera, bulb, &lobe).within_pixel(0, 0);
+        let area = area.expect("the camera sees it");
+        let (eye, centre) = (camera.position, bulb.centre);
+        let below = Vec3::new(centre.x, centre.y, -centre.z);
+        let mirror = eye + (below - eye) * (eye.z / (eye.z + centre.z));
+        let steps = |n: f64| {
+            let length = WIDTHS * eye.length() / (n.sqrt() * f64::from(STEPS));
+            (-STEPS..=STEPS).map(move |step| f64::from(step) * length)
+        };
+        let (mut all, mut outside) = (0.0, 0.0);
+        for u in steps(lobe.n_u) {
+            for v in steps(lobe.n_v) {
+                let position = mirror + lobe.to_surface(Vec3::new(u, v, 0.0));
+                let (to_eye, to_bulb) = (eye - position, centre - position);
+                let light = lobe.power(to_eye.normalized() + to_bulb.normalized());
+                let [column, row, depth] = camera.homogeneous(-to_eye);
+                all += light;
+                if !area.holds([column / depth, row / depth]) {
+                    outside += light;
+                }
+            }
+        }
+        outside / all
+    }
+
+    #[test]
+    fn the_outline_holds_the_highlight() {
+        for view in 0..Specification::preset().views.len() {
+            for (exponents, most) in [
+                ([1e6, 1e6], 2e-4),
+                ([1e4, 1e4], 2e-4),
+                ([1e6, 2e3], 2e-4),
+                // So wide that slopes are not linear any more.
+                ([3e3, 300.0], 2e-3),
+            ] {
+                let outside = share_outside(view, exponents);
+                assert!(
+                    outside < most,
+                    "view {view}, exponents {exponents:?}: {outside}"
+                );
+            }
+        }
+    }
+}
