@@ -1,22 +1,30 @@
 //! What materials of the preset cost, and how many of their pixels meet the tolerance.
 //!
-//! `survey FIRST COUNT [STRIDE]` renders materials FIRST, FIRST + STRIDE, ... in every view on one
-//! thread, and prints a line of comma-separated values for each image: material, view, processor
-//! seconds, the share of pixels within the tolerance, evaluations, then the seconds of each phase.
-//! A summary with the tail goes to standard error.
+//! `survey FIRST COUNT [STRIDE [check]]` renders materials FIRST, FIRST + STRIDE, ... in every view on
+//! one thread, and prints a line of comma-separated values for each image: material, view, processor
+//! seconds, the share of pixels within the tolerance by their stated errors, evaluations, then the
+//! seconds of each phase. A summary with the tail goes to standard error.
+//!
+//! With `check` each view is rendered again, to a hundredth of the tolerance, and three columns tell of
+//! the image against that one: the share of pixels whose error is within what both state, the same
+//! within the tolerance and what the finer one states, and the largest error over the tolerance.
 
 use dataset::Specification;
+use dataset::specification::Accuracy;
+use renderer::film::Film;
 use renderer::{Renderer, geometry::BackendChoice};
 use std::{collections::BTreeMap, error::Error, io::Write};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let numbers: Vec<u32> = std::env::args()
-        .skip(1)
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    let check = arguments.pop_if(|last| last == "check").is_some();
+    let numbers: Vec<u32> = arguments
+        .iter()
         .map(|argument| argument.parse())
         .collect::<Result<_, _>>()?;
     let (first, count) = match numbers[..] {
         [first, count, ..] => (first, count),
-        _ => return Err("usage: survey FIRST COUNT [STRIDE]".into()),
+        _ => return Err("usage: survey FIRST COUNT [STRIDE [check]]".into()),
     };
     let stride = numbers.get(2).copied().unwrap_or(1);
     rayon::ThreadPoolBuilder::new()
@@ -24,6 +32,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         .build_global()?;
     let specification = Specification::preset();
     let renderer = Renderer::new(&specification, BackendChoice::Native)?;
+    let finer = match check {
+        true => Some(Renderer::new(
+            &finer(&specification),
+            BackendChoice::Native,
+        )?),
+        false => None,
+    };
     let mut survey = Survey::default();
     let mut out = std::io::stdout().lock();
     for material in (0..count).map(|step| first + stride * step) {
@@ -42,6 +57,17 @@ fn main() -> Result<(), Box<dyn Error>> {
                 write!(out, ",{}={:.6}", phase.name, phase.seconds)?;
                 *survey.phases.entry(phase.name).or_default() += phase.seconds;
             }
+            if let Some(finer) = &finer {
+                let finer = finer.render(&drawn, Some(material), view)?.film;
+                let image = Checked::new(&specification.accuracy, &rendering.film, &finer);
+                let Checked {
+                    stated,
+                    within,
+                    worst,
+                } = image;
+                write!(out, ",stated={stated:.6},true={within:.6},worst={worst:.3}")?;
+                survey.checked.push(image);
+            }
             writeln!(out)?;
             survey.images.push(seconds);
             survey.within.push(statistics.within_target);
@@ -52,9 +78,51 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// The same to a hundredth of the tolerance.
+fn finer(specification: &Specification) -> Specification {
+    let mut finer = specification.clone();
+    finer.accuracy.absolute *= 0.01;
+    finer.accuracy.relative *= 0.01;
+    finer
+}
+
+/// An image against a finer rendering.
+#[derive(Clone, Copy)]
+struct Checked {
+    /// The share of pixels whose error is within what both renderings state.
+    stated: f64,
+    /// The share of pixels whose error is within the tolerance and what the finer rendering states.
+    within: f64,
+    /// The largest error, less what the finer rendering states, over the tolerance.
+    worst: f64,
+}
+
+impl Checked {
+    fn new(accuracy: &Accuracy, image: &Film, finer: &Film) -> Self {
+        let count = image.pixels.len() as f64;
+        let (mut stated, mut within, mut worst) = (0.0, 0.0, 0.0f64);
+        for (pixel, finer) in image.pixels.iter().zip(&finer.pixels) {
+            let channels = pixel.value.iter().zip(finer.value);
+            let error = channels.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+            let value = finer.value.into_iter().fold(0.0, f64::max);
+            let tolerance = accuracy.absolute.max(accuracy.relative * value);
+            let missed = error - finer.error;
+            stated += f64::from(u8::from(missed <= pixel.error));
+            within += f64::from(u8::from(missed <= tolerance));
+            worst = worst.max(missed / tolerance);
+        }
+        Self {
+            stated: stated / count,
+            within: within / count,
+            worst,
+        }
+    }
+}
+
 #[derive(Default)]
 struct Survey {
     images: Vec<f64>,
+    checked: Vec<Checked>,
     within: Vec<f64>,
     materials: BTreeMap<u32, f64>,
     phases: BTreeMap<&'static str, f64>,
@@ -89,9 +157,36 @@ impl Survey {
             100.0 * mean,
             100.0 * least
         );
+        self.summarise_checked();
         for (name, seconds) in &self.phases {
             eprintln!("{name}: {:.2} ms an image", 1e3 * seconds / count);
         }
+    }
+}
+
+impl Survey {
+    #[allow(clippy::print_stderr)]
+    fn summarise_checked(&self) {
+        if self.checked.is_empty() {
+            return;
+        }
+        let tell = |what: &str, of: fn(&Checked) -> f64| {
+            let shares: Vec<f64> = self.checked.iter().map(of).collect();
+            let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+            let least = shares.iter().copied().fold(1.0, f64::min);
+            let short = shares.iter().filter(|&&share| share < 0.99).count();
+            eprintln!(
+                "against the finer rendering: {:.4}% of pixels within {what}, worst image {:.2}%, \
+                 {short} of {} images below 99%",
+                100.0 * mean,
+                100.0 * least,
+                shares.len()
+            );
+        };
+        tell("their stated error", |image| image.stated);
+        tell("the tolerance", |image| image.within);
+        let worst = self.checked.iter().map(|image| image.worst);
+        eprintln!("largest error: {:.2} tolerances", worst.fold(0.0, f64::max));
     }
 }
 

@@ -129,6 +129,10 @@ impl PreparedView {
         for pixel in &mut pixels {
             // A series that interpolates darkness swings about it, within its bound.
             pixel.value = pixel.value.map(|channel| channel.max(0.0));
+            if pixel.error > 0.0 {
+                let least = self.view.budget.stated_least(pixel.value);
+                pixel.error = pixel.error.max(least);
+            }
         }
         let film = Film {
             width,

@@ -88,7 +88,7 @@ fn a_short_search_finds_nothing() {
 }
 
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
-const ONCE_FAILED: [(u64, u64); 11] = [
+const ONCE_FAILED: [(u64, u64); 16] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
     (1_795_348_325, 34),
     (20_261_122, 558),
@@ -106,6 +106,16 @@ const ONCE_FAILED: [(u64, u64); 11] = [
     (20_261_122, 710),
     // The top of the bulb's image, in a strip as long as the film.
     (778, 185),
+    // The side of a tile, whose corners alone were looked at.
+    (779, 64),
+    // What lies between the end of a line over a pixel and its outermost point.
+    (1_795_348_325, 104),
+    // A step over which 15 and 7 points agreed.
+    (20_261_302, 112),
+    // Polynomials that did not converge before the work was used up.
+    (20_261_302, 268),
+    // Paths that met the bulb's mirror image, but not the lobe's blur about it.
+    (20_261_301, 175),
 ];
 
 #[test]

@@ -99,6 +99,15 @@ impl Ridge {
         p * (self.n_u * (log1p(t) / t)).sqrt()
     }
 
+    /// Points along every line: v, its weight, and its least and largest u.
+    fn points_along(&self, lines: &[[f64; 4]], tolerance: Tolerance) -> usize {
+        let points = lines.iter().map(|&[v, _, low, high]| {
+            let widths = self.widths_off([high, v]) - self.widths_off([low, v]);
+            tolerance.points(widths.abs(), 1.0)
+        });
+        points.fold(1, usize::max)
+    }
+
     /// Over how many widths the ends of lines move from the first of them to the last, where the lobe
     /// reaches; `None` if it reaches none of them.
     fn widths_passed(&self, lines: [[f64; 3]; 3]) -> Option<f64> {
@@ -170,7 +179,6 @@ impl SampleFrame {
         let nearest = near_y * cos - near_x * sin;
         let delta = Vec3::new(x - near_x, y - near_y, c.z).length();
         let mut lines = Vec::with_capacity(LINES_LIKELY);
-        let (mut longest, mut closest) = ([0.0; 3], [0.0, f64::INFINITY, 0.0]);
         let mut resolved = true;
         let ridge = source
             .filter(|_| self.aligned && self.n_u > ROTATED_FROM)
@@ -208,30 +216,14 @@ impl SampleFrame {
                 let cosh = 0.5 * (e + 1.0 / e);
                 let v = v_of(s);
                 let [low, high] = self.line(v);
-                if low >= high {
-                    continue;
-                }
-                lines.push([v, weight * delta * cosh, low, high]);
-                if high - low > longest[2] - longest[1] {
-                    longest = [v, low, high];
-                }
-                if (v - nearest).abs() < (closest[0] - nearest).abs() || closest[1] > closest[2] {
-                    closest = [v, low, high];
+                if low < high {
+                    lines.push([v, weight * delta * cosh, low, high]);
                 }
             }
         }
         let most = match &ridge {
-            Some(ridge) => lines
-                .iter()
-                .map(|&[v, _, low, high]| {
-                    let widths = ridge.widths_off([high, v]) - ridge.widths_off([low, v]);
-                    tolerance.points(widths.abs(), 1.0)
-                })
-                .fold(1, usize::max),
-            None => [longest, closest]
-                .map(|line| self.points_along(receiver, line, tolerance))
-                .into_iter()
-                .fold(1, usize::max),
+            Some(ridge) => ridge.points_along(&lines, tolerance),
+            None => self.points_along(receiver, &lines, nearest, tolerance),
         };
         let within = tolerance.points(tolerance.reach_widths(TAIL_DIGITS), 1.0);
         let cut = self.aligned && within < most;
@@ -245,12 +237,32 @@ impl SampleFrame {
         }
     }
 
-    /// Points along a line: v, and its least and largest u.
-    fn points_along(&self, receiver: &Receiver, line: [f64; 3], tolerance: Tolerance) -> usize {
-        let ([v, low, high], c) = (line, receiver.position);
-        if low >= high {
-            return 1;
-        }
+    /// Points along every line, by the longest and the one nearest to the receiver, whose v is `nearest`.
+    fn points_along(
+        &self,
+        receiver: &Receiver,
+        lines: &[[f64; 4]],
+        nearest: f64,
+        tolerance: Tolerance,
+    ) -> usize {
+        let length = |[_, _, low, high]: &[f64; 4]| high - low;
+        let off = |[v, ..]: &[f64; 4]| (v - nearest).abs();
+        let longest = lines.iter().max_by(|a, b| length(a).total_cmp(&length(b)));
+        let closest = lines.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+        let points = longest
+            .into_iter()
+            .chain(closest)
+            .map(|line| self.points_along_one(receiver, *line, tolerance));
+        points.fold(1, usize::max)
+    }
+
+    fn points_along_one(
+        &self,
+        receiver: &Receiver,
+        [v, _, low, high]: [f64; 4],
+        tolerance: Tolerance,
+    ) -> usize {
+        let c = receiver.position;
         let nearest = c.x.clamp(low, high);
         let (off, across) = (c.x - nearest, c.y - v);
         let reach = (off * off + across * across + c.z * c.z).sqrt();
