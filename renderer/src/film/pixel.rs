@@ -15,6 +15,9 @@ const LINE_POINTS_MAX: u64 = 780;
 /// along them is followed to its end before another line tells anything. Chosen.
 const FIRST_LINES: u64 = 4;
 
+/// The middle one of a rule's points: where an interval is halved.
+const MIDDLE: usize = KRONROD.len() / 2;
+
 /// Halvings of the interval that lines are spread over.
 const SPREAD_HALVINGS_MAX: u32 = 6;
 
@@ -61,7 +64,7 @@ pub fn integrate(
     let mut open: Vec<_> = spans
         .into_iter()
         .map(|[low, high]| {
-            let ends = [low, high].map(|at| Some(line(at).value));
+            let ends = [low, high].map(|at| line(at).value);
             (low, high, ends, 0)
         })
         .collect();
@@ -78,8 +81,8 @@ pub fn integrate(
         let missed = KINKS * missed;
         let share = (high - low) * per_length;
         if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && points < points_max {
-            open.push((low, middle, [ends[0], None], depth + 1));
-            open.push((middle, high, [None, ends[1]], depth + 1));
+            open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
+            open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
             continue;
         }
         add_scaled(&mut total, value, 1.0);
@@ -108,9 +111,9 @@ struct Line {
 }
 
 /// The integral over an interval of this half length, and what it may miss: the difference of 15 and 7
-/// points or what a step leaves open, and what the values at the ends tell, where they are given, of
+/// points or what a step leaves open, and what the values at the ends tell of
 /// features between them and the outermost points.
-fn integral(values: &[[f64; 3]; 15], ends: [Option<[f64; 3]>; 2], half: f64) -> ([f64; 3], f64) {
+fn integral(values: &[[f64; 3]; 15], ends: [[f64; 3]; 2], half: f64) -> ([f64; 3], f64) {
     let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
     for (value, (_, kronrod, gauss)) in values.iter().zip(KRONROD) {
         add_scaled(&mut fine, *value, half * kronrod);
@@ -120,8 +123,8 @@ fn integral(values: &[[f64; 3]; 15], ends: [Option<[f64; 3]>; 2], half: f64) -> 
     let outermost = [[values[0], values[1]], [values[14], values[13]]];
     let beyond = ends.iter().zip(outermost).map(|(end, [last, before])| {
         // Of a smooth function the end is five times nearer to the last point than that to the one before.
-        let jump = |end| largest_difference(end, last) - largest_difference(last, before);
-        end.map_or(0.0, jump).max(0.0) * gap
+        let jump = largest_difference(*end, last) - largest_difference(last, before);
+        jump.max(0.0) * gap
     });
     let missed = largest_difference(fine, coarse).max(half * step(values));
     (fine, missed + beyond.sum::<f64>())
@@ -158,7 +161,7 @@ fn line_integral(
     points_max: u64,
 ) -> Line {
     let rule = KRONROD.len() as u64;
-    let ends = [from, to].map(|end| Some(function(end)));
+    let ends = [from, to].map(&mut function);
     let mut open = vec![(from, to, ends, 0)];
     let mut line = Line {
         points: rule + 2,
@@ -170,12 +173,83 @@ fn line_integral(
         let (value, missed) = integral(&values, ends, half);
         if missed > tolerance && depth < HALVINGS_MAX && line.points + 2 * rule <= points_max {
             line.points += 2 * rule;
-            open.push((low, middle, [ends[0], None], depth + 1));
-            open.push((middle, high, [None, ends[1]], depth + 1));
+            open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
+            open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
             continue;
         }
         add_scaled(&mut line.value, value, 1.0);
         line.missed += missed;
     }
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::polygon::Rectangle;
+
+    const TOLERANCE: f64 = 4e-5;
+
+    /// The area of the unit square where `height` is positive, which is linear in the position.
+    fn area(height: impl Fn([f64; 2]) -> f64) -> f64 {
+        let square = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        let mut kept: Vec<[f64; 2]> = Vec::new();
+        for (index, to) in square.into_iter().enumerate() {
+            let from = square[(index + 3) % 4];
+            let (before, after) = (height(from), height(to));
+            if (before > 0.0) != (after > 0.0) {
+                let share = before / (before - after);
+                kept.push([0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis])));
+            }
+            if after > 0.0 {
+                kept.push(to);
+            }
+        }
+        let next = kept.iter().cycle().skip(1);
+        let twice = kept
+            .iter()
+            .zip(next)
+            .map(|(a, b)| a[0] * b[1] - a[1] * b[0]);
+        0.5 * twice.sum::<f64>()
+    }
+
+    /// What the integral of a step of this height at a line is off by, and what it states.
+    fn step_along(normal: [f64; 2], offset: f64, step: f64) -> [f64; 2] {
+        let height = |[x, y]: [f64; 2]| normal[0] * x + normal[1] * y - offset;
+        let square = Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+        let pixel = square.clipped(&Rectangle::pixel(0, 0));
+        let axis = usize::from(normal[1].abs() > normal[0].abs());
+        let (value, stated) = integrate(&pixel, axis, TOLERANCE, 4_000, |x, y| {
+            [if height([x, y]) > 0.0 { step } else { 0.0 }; 3]
+        });
+        [(value[0] - step * area(height)).abs(), stated]
+    }
+
+    #[test]
+    fn steps_are_off_by_no_more_than_stated() {
+        let fraction = |index: u32, factor: f64| (f64::from(index) * factor).fract();
+        for index in 0..2_000 {
+            // Kronecker's sequence: positions that no rule's points favour.
+            let mut angle = std::f64::consts::TAU * fraction(index, 0.754_877_666_246_692_8);
+            if index % 2 == 0 {
+                // All lines meet it at nearly one place.
+                angle *= 1e-3;
+            }
+            let offset = 1.5 * fraction(index, 0.569_840_290_998_053_2);
+            let (sin, cos) = libm::sincos(angle);
+            let [off, stated] = step_along([cos, sin], offset, 0.07);
+            assert!(
+                off <= stated.max(TOLERANCE),
+                "{angle} {offset}: {off}, stated {stated}"
+            );
+        }
+    }
+
+    #[test]
+    fn what_lies_in_a_corner_is_found() {
+        for side in [0.1, 0.01, 0.004, 0.002] {
+            let [off, stated] = step_along([-1.0, -1.0], -side, 10.0);
+            assert!(off <= stated.max(TOLERANCE), "{side}: {off}, {stated}");
+        }
+    }
 }
