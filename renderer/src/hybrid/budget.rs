@@ -9,14 +9,15 @@
 //!
 //! ```text
 //! bulb                                    0.1
-//! chart, seen straight or in the sample   0.4 (1.0 for its tiles
-//!                                              + 0.7 for interreflection of order 1
-//!                                              + 0.4 for all higher orders)
-//! sum                                     0.94
+//! chart, seen straight or in the sample   0.4 (1.7 for its tiles: what they show to be off by, and
+//!                                                  the doubt about what they do not show
+//!                                              + 0.35 for interreflection of order 1
+//!                                              + 0.15 for all higher orders)
+//! sum                                     0.98
 //! ```
 //!
-//! What the rule at a point misses comes on top, at most [`TILING`]'s `rule` of a tile's share; so does
-//! what an error of order 1 becomes in the higher orders.
+//! What the rule at a point misses comes on top, at most [`TILING`]'s `rule` of a tile's share. What an
+//! error of order 1 becomes in the higher orders is part of its share.
 
 use crate::film::target;
 use crate::film::{log_tiling, tiling};

@@ -1,8 +1,10 @@
 //! Cubature over the sample for one receiver on the chart.
 //!
 //! The sample is cut into lines of constant v. The outer rule runs over v in a variable s with
-//! v = nearest + delta sinh s, about the point of the sample nearest to the receiver, and is parted
-//! at the square's corners; [`super::transfer`] integrates along each line.
+//! v = nearest + delta sinh s, about the point of the sample nearest to the receiver. It is parted at the
+//! square's corners, and where a lobe that is narrow along the lines begins to leave the square and has
+//! left it: in between the integral along a line falls like an error function. [`super::transfer`]
+//! integrates along each line.
 
 use super::transfer::{Along, Receiver};
 use crate::hybrid::budget::interreflection::{ROTATED_FROM, TAIL_DIGITS};
@@ -207,6 +209,7 @@ impl SampleFrame {
                 ridge.widths_passed([line(INSIDE), line(0.5), line(1.0 - INSIDE)])
             });
             let Some(widths) = passed else {
+                // The lobe sends nothing from here.
                 continue;
             };
             let points = self.points(self.n_v, [from, to], widths, tolerance);
