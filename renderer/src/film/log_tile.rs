@@ -278,16 +278,18 @@ impl LogTile {
         })
     }
 
-    /// The integral over a polygon inside a pixel, by chords between its corners' columns.
+    /// The integral over a polygon inside a pixel, by chords between its corners' columns. The lengths of
+    /// chords are linear between them: one more point than over a whole pixel takes that in.
     fn integral_over(&self, polygon: &Polygon, rules: [&GaussRule; 2]) -> [f64; 3] {
         let mut breaks: Vec<f64> = polygon.corners().iter().map(|corner| corner[0]).collect();
         breaks.sort_unstable_by(f64::total_cmp);
+        let columns = GaussRule::of(rules[0].size() + 1);
         let mut sum = [0.0; 3];
         for pair in breaks.windows(2) {
             if pair[0] >= pair[1] {
                 continue;
             }
-            for (x, across) in rules[0].on(pair[0], pair[1]) {
+            for (x, across) in columns.on(pair[0], pair[1]) {
                 let Some([low, high]) = polygon.chord(0, x) else {
                     continue;
                 };
