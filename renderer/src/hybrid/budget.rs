@@ -314,7 +314,7 @@ pub mod glossy {
 
     /// About a second of a core at 128 x 128 (measured).
     pub const LIMIT: Limit = Limit {
-        per_pixel: 900,
+        per_pixel: 1_200,
         least: 3_000_000,
     };
 
