@@ -162,9 +162,7 @@ impl Survey {
             eprintln!("{name}: {:.2} ms an image", 1e3 * seconds / count);
         }
     }
-}
 
-impl Survey {
     #[allow(clippy::print_stderr)]
     fn summarise_checked(&self) {
         if self.checked.is_empty() {

@@ -111,8 +111,8 @@ struct Line {
 }
 
 /// The integral over an interval of this half length, and what it may miss: the difference of 15 and 7
-/// points or what a step leaves open, and what the values at the ends tell of
-/// features between them and the outermost points.
+/// points or what a step leaves open, and what the values at the ends tell of features between them and
+/// the outermost points.
 fn integral(values: &[[f64; 3]; 15], ends: [[f64; 3]; 2], half: f64) -> ([f64; 3], f64) {
     let (mut fine, mut coarse) = ([0.0; 3], [0.0; 3]);
     for (value, (_, kronrod, gauss)) in values.iter().zip(KRONROD) {

@@ -25,19 +25,11 @@ const TILES_A_LOOK: usize = 32;
 /// digits. The next level follows at once. Chosen.
 const STUCK: f64 = 0.5;
 
-/// Where no work is left for a rule that the tolerance asks for, this times its difference from the next
-/// finer one is stated: such rules need not converge yet. Measured: off by up to 1.6 times it.
-const UNMET: f64 = 3.0;
-
 /// Points of a tile, -1 to 1 along each side. They lie between the lines of its nodes.
 const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
 
-/// Points on the sides of a tile, likewise, between its corners and the lines of its nodes.
+/// Points on the sides of a tile. They lie between its corners and the lines of its nodes.
 const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
-
-/// A tile is stated to be off by so many times what it shows to be: between the points that are looked
-/// at it may be off by more. Measured against finer renderings of the preset (`survey`).
-pub const DOUBT: f64 = 1.7;
 
 /// A pixel gets no more lines after so many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
@@ -63,7 +55,7 @@ pub struct Region {
     pub factor: [f64; 3],
 }
 
-/// How a tiling divides what a tile may miss.
+/// How a tiling divides what a tile may miss, and what a tile states beyond what it shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Shares {
     /// The share that the rule at a tile's middle may miss.
@@ -72,6 +64,11 @@ pub struct Shares {
     pub rim: f64,
     /// The same at points between the nodes.
     pub between: f64,
+    /// A tile states this many times what it shows to be off by.
+    pub doubt: f64,
+    /// A rule states this many times its difference from the next finer one, where no work is left for
+    /// the rule that the tolerance asks for.
+    pub unmet: f64,
 }
 
 /// What a function asks of its tiling.
@@ -372,7 +369,7 @@ impl<S: Shade> Tiling<'_, S> {
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         let fit_error = self.fit_error(&tile, fit.error, tolerance, &mut function);
         if fit_error <= allowed || effort == Effort::None {
-            let tile = Growth::Tile(Box::new(tile), DOUBT * fit_error + missed);
+            let tile = Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
             return (tile, function.spent);
         }
         let steep = usize::from(fit.tails[1] > fit.tails[0]);
@@ -392,8 +389,8 @@ impl<S: Shade> Tiling<'_, S> {
         (Growth::Pixel(*rectangle, parts), function.spent)
     }
 
-    /// What a tile may be off by: what its series leaves out, and what shows at its corners and between
-    /// its nodes.
+    /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
+    /// between its nodes show.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
@@ -466,7 +463,7 @@ impl<S: Shade> Tiling<'_, S> {
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
             let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
             if met || effort == Effort::None {
-                let times = if met { 1.0 } else { UNMET };
+                let times = if met { 1.0 } else { self.demand.shares.unmet };
                 return (tolerance, stated + (times - 1.0) * missed);
             }
             let next = if missed > STUCK * before_missed {

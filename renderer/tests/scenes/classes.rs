@@ -24,12 +24,13 @@ const REFERENCE_ONLY: Effort = Effort {
 
 const VARIATIONS: u64 = 10;
 
-/// No rendering of 128 x 128 pixels to the preset's accuracy takes longer, processor seconds.
-const SECONDS_MAX: f64 = 20.0;
-
-/// The evaluations that an ordinary core makes in that time, at 50 ns each. They are what is counted:
-/// seconds depend on what else a machine does.
+/// No rendering of 128 x 128 pixels to the preset's accuracy takes more evaluations: 20 processor seconds
+/// at 50 ns each. Seconds are not counted, because they depend on what else a machine does.
 const EVALUATIONS_MAX: u64 = 400_000_000;
+
+/// After so long by the clock on the wall a rendering is taken to have no end. Only this bounds the path
+/// tracer, which makes no evaluations.
+const PATIENCE: Duration = Duration::from_secs(200);
 
 fn white(roughness: f64, anisotropy: f64, ior: f64) -> Material {
     Material {
@@ -221,8 +222,6 @@ fn class_e_narrow_lobes_light_the_chart() {
 
 /// Evaluations of a rendering in a thread of its own, which is left behind where it takes too long.
 fn evaluations(case: Case) -> Option<u64> {
-    // By the clock on the wall, for a machine that does something else besides.
-    let patience = Duration::from_secs_f64(10.0 * SECONDS_MAX);
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -232,7 +231,7 @@ fn evaluations(case: Case) -> Option<u64> {
         let rendering = pool.install(|| render(&case.specification, &case));
         _ = sender.send(rendering.expect("an image").statistics.evaluations);
     });
-    receiver.recv_timeout(patience).ok()
+    receiver.recv_timeout(PATIENCE).ok()
 }
 
 fn assert_bounded(cases: impl Iterator<Item = Case>) {
