@@ -71,6 +71,23 @@ pub struct Shares {
     pub unmet: f64,
 }
 
+/// What a function may be off by that no rule shows: the smaller of the two.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FunctionError {
+    pub absolute: f64,
+    /// As a share of the function's largest channel.
+    pub relative: f64,
+}
+
+impl FunctionError {
+    /// Over an area on which the integral of the function is `value`.
+    fn over(&self, area: f64, value: [f64; 3]) -> f64 {
+        let [r, g, b] = value;
+        let largest = r.max(g).max(b).max(0.0);
+        (self.absolute * area).min(self.relative * largest)
+    }
+}
+
 /// What a function asks of its tiling.
 pub struct Demand<'a> {
     /// The target for what is added to a pixel.
@@ -87,7 +104,7 @@ pub struct Demand<'a> {
     /// How fine the function is worked out.
     pub tolerance: Tolerance,
     /// What the function may be off by besides.
-    pub function_error: f64,
+    pub function_error: FunctionError,
     /// How the error allowed is divided.
     pub shares: Shares,
 }
@@ -163,7 +180,9 @@ pub fn integrate<S: Shade>(
         |canvas, growth| {
             match growth {
                 Growth::Nothing => {}
-                Growth::Tile(tile, error) => add_tile(canvas, &tile, error, regions),
+                Growth::Tile(tile, error) => {
+                    add_tile(canvas, &tile, error, demand.function_error, regions);
+                }
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {
                         add_region(canvas, &cell, region, value, error);
@@ -436,12 +455,13 @@ impl<S: Shade> Tiling<'_, S> {
                 pixel::integrate(&covered, steep, allowed, points_max, |column, row| {
                     function.at([column, row], tolerance)
                 });
-            (value, error + missed * covered.area())
+            let function_error = self.demand.function_error.over(covered.area(), value);
+            (value, error + missed * covered.area() + function_error)
         };
         self.regions.iter().map(integral).collect()
     }
 
-    /// How fine the function has to be worked out on a rectangle, and what it may then be off by.
+    /// How fine the function has to be worked out on a rectangle, and what the rule then misses.
     fn rule(
         &self,
         rectangle: &Rectangle,
@@ -459,7 +479,7 @@ impl<S: Shade> Tiling<'_, S> {
         let mut fine = evaluate(check);
         loop {
             let missed = largest_difference(evaluate(tolerance), fine);
-            let stated = missed + self.demand.function_error + light_error;
+            let stated = missed + light_error;
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
             let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
             if met || effort == Effort::None {
@@ -510,7 +530,13 @@ fn axis_to_halve(rectangle: &Rectangle, steep: usize) -> Option<usize> {
     }
 }
 
-fn add_tile(canvas: &mut Canvas<'_>, tile: &Tile<TERMS>, error: f64, regions: &[Region]) {
+fn add_tile(
+    canvas: &mut Canvas<'_>,
+    tile: &Tile<TERMS>,
+    error: f64,
+    function_error: FunctionError,
+    regions: &[Region],
+) {
     let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
     let integrals = tile.cell_integrals(&columns, &rows);
     let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
@@ -528,7 +554,8 @@ fn add_tile(canvas: &mut Canvas<'_>, tile: &Tile<TERMS>, error: f64, regions: &[
             } else {
                 tile.integral_over(&region.outline.clipped(&cell))
             };
-            add_region(canvas, &cell, region, value, error * area);
+            let error = error * area + function_error.over(area, value);
+            add_region(canvas, &cell, region, value, error);
         }
     }
 }

@@ -351,6 +351,14 @@ pub mod glossy {
     /// Above this exponent what multiplies the lobe is a parabola over it to five digits.
     pub const PARABOLA_EXPONENT: f64 = 3e4;
 
+    /// Above this one a polynomial of degree four suffices. Measured: below it tiles fell to the rule of wide
+    /// lobes, and one of fourteen dear images took twice the work.
+    pub const QUARTIC_EXPONENT: f64 = 1e4;
+
+    /// The share of a lobe's fall along its wide axis by which a piece needs fewer digits. Chosen below 1: the
+    /// lobe falls from the piece's end, and rises in it.
+    pub const FALL_SHARE: f64 = 0.8;
+
     /// The most corners of patches that are looked at: those of 64 by 64 patches. A limit on work.
     pub const CORNERS_MAX: usize = 4_225;
 

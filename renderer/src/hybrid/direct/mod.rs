@@ -51,7 +51,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         feature: None,
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
-        function_error: 0.0,
+        function_error: tiling::FunctionError::default(),
         shares: TILING,
     };
     let regions = [Region {

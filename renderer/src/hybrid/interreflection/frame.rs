@@ -71,6 +71,14 @@ impl<'a> Frame<'a> {
 
     /// The tolerance of the irradiance over pi where the bulb lights a part of the chart least.
     pub fn tolerance(&self, part: &Rectangle) -> f64 {
+        let accuracy = &self.view.budget.chart;
+        let relative = accuracy.relative * self.direct_least(part);
+        accuracy.absolute.max(relative)
+    }
+
+    /// The least irradiance over pi by the bulb itself on a part of the chart: that of a corner, because it
+    /// falls with the distance from the foot of the bulb's perpendicular.
+    pub fn direct_least(&self, part: &Rectangle) -> f64 {
         let Rectangle { low, high } = part;
         let up = |s: f64| self.gap * libm::expm1(s);
         let corners = [
@@ -79,12 +87,8 @@ impl<'a> Frame<'a> {
             [low[0], up(high[1])],
             [high[0], up(high[1])],
         ];
-        let least = corners
-            .map(|at| self.view.bulb_on_chart(&self.chart.plane, at))
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
-        let accuracy = &self.view.budget.chart;
-        accuracy.absolute.max(accuracy.relative * least)
+        let lights = corners.map(|at| self.view.bulb_on_chart(&self.chart.plane, at));
+        lights.into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// The largest irradiance over pi by the bulb itself: at most that of a surface which faces the

@@ -29,6 +29,7 @@ mod unresolved;
 use super::budget::interreflection::{HIGHER_SHARE, LEFT_OUT_SHARE, ORDER_1_SHARE};
 use super::chart_on_film::ChartOnFilm;
 use super::view::View;
+use crate::film::tiling::FunctionError;
 use crate::numerics::channels::add_scaled;
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;
@@ -47,6 +48,8 @@ pub struct Interreflection {
     higher: Option<[Tile<HIGHER_TERMS>; 2]>,
     /// A bound of what the sum is off by.
     error: f64,
+    /// The least irradiance over pi on the chart by the bulb itself.
+    direct_least: f64,
     evaluations: u64,
     gap: f64,
     /// The chart on the tiles.
@@ -67,6 +70,7 @@ impl Interreflection {
             order_1: Vec::new(),
             higher: None,
             error: 0.0,
+            direct_least: frame.direct_least(&frame.bounds()),
             evaluations: 0,
             gap: frame.gap,
             bounds: frame.bounds(),
@@ -122,6 +126,17 @@ impl Interreflection {
     /// sample to chart, or a small share of the sample's side where that is more.
     pub fn gap(&self) -> f64 {
         self.gap
+    }
+
+    /// How far [`Interreflection::on_chart`] may be off, and what reflects it.
+    ///
+    /// The light on the chart is off by at most this share of itself everywhere. So is what a patch or the
+    /// sample reflects of it; and neither reflects more than it receives.
+    pub(super) fn light_error(&self) -> FunctionError {
+        FunctionError {
+            absolute: self.error,
+            relative: self.error / self.direct_least,
+        }
     }
 
     /// How far [`Interreflection::on_chart`] may be off.

@@ -105,7 +105,8 @@ impl Ridge {
     fn points_along(&self, lines: &[[f64; 4]], tolerance: Tolerance) -> usize {
         let points = lines.iter().map(|&[v, _, low, high]| {
             let widths = self.widths_off([high, v]) - self.widths_off([low, v]);
-            tolerance.points(widths.abs(), 1.0)
+            let [from, to] = span_along(self.receiver, [v, low, high]);
+            tolerance.points(widths.abs(), tolerance.more_beside(to - from))
         });
         points.fold(1, usize::max)
     }
@@ -125,6 +126,14 @@ impl Ridge {
         let passed = [0, 1].map(|end| (off[2][end] - off[0][end]).abs());
         Some(passed[0].max(passed[1]))
     }
+}
+
+/// The ends of a line from `low` to `high` in the variable t of [`super::transfer`].
+fn span_along(receiver: Vec3, [v, low, high]: [f64; 3]) -> [f64; 2] {
+    let nearest = receiver.x.clamp(low, high);
+    let (off, across) = (receiver.x - nearest, receiver.y - v);
+    let reach = (off * off + across * across + receiver.z * receiver.z).sqrt();
+    [low, high].map(|u| asinh((u - nearest) / reach))
 }
 
 impl SampleFrame {
@@ -265,12 +274,8 @@ impl SampleFrame {
         [v, _, low, high]: [f64; 4],
         tolerance: Tolerance,
     ) -> usize {
-        let c = receiver.position;
-        let nearest = c.x.clamp(low, high);
-        let (off, across) = (c.x - nearest, c.y - v);
-        let reach = (off * off + across * across + c.z * c.z).sqrt();
-        let [first, last] = [low, high].map(|u| asinh((u - nearest) / reach));
-        self.points(self.n_u, [first, last], 0.0, tolerance)
+        let span = span_along(receiver.position, [v, low, high]);
+        self.points(self.n_u, span, 0.0, tolerance)
     }
 
     /// Where the outer rule is parted, as values of s: at the square's corners, and where a lobe that is

@@ -14,7 +14,7 @@ use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
-use crate::film::tiling::{Demand, Region, Shade, integrate};
+use crate::film::tiling::{Demand, FunctionError, Region, Shade, integrate};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -52,8 +52,7 @@ pub fn add(
     } else {
         add_wide
     };
-    // A sample reflects at most all of the light that it receives.
-    let error = interreflection.error();
+    let error = interreflection.light_error();
     add(view, canvas, [&lit, &finer], error, reflectance)
 }
 
@@ -62,15 +61,16 @@ fn add_wide(
     view: &View,
     canvas: &mut Canvas<'_>,
     [chart, finer]: [&LitChart; 2],
-    function_error: f64,
+    function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
     let detail = Detail::new(view, chart, reflectance);
+    let side_max = detail.side_max(view.budget.wide_tile);
     let demand = Demand {
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
-        side_max: detail.side_max(view.budget.wide_tile),
-        feature: detail.feature(),
+        side_max,
+        feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         function_error,
@@ -90,15 +90,16 @@ fn add_glossy(
     view: &View,
     canvas: &mut Canvas<'_>,
     charts: [&LitChart; 2],
-    function_error: f64,
+    function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
     let detail = Detail::new(view, charts[0], reflectance);
+    let side_max = detail.side_max(glossy_budget::TILE);
     let demand = Demand {
         accuracy: &view.budget.chart,
         faint: view.budget.chart.absolute,
-        side_max: detail.side_max(glossy_budget::TILE),
-        feature: detail.feature(),
+        side_max,
+        feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
         tolerance: view.budget.glossy_rule,
         function_error,
@@ -118,6 +119,12 @@ fn add_glossy(
         wide,
     };
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
+}
+
+/// The longer side of the film in pixels.
+fn longest(view: &View) -> f64 {
+    let [width, height] = view.size;
+    f64::from(width.max(height))
 }
 
 /// All of the sample.
@@ -173,11 +180,13 @@ impl Detail {
         }
     }
 
-    /// All of the chart, where it is too sharp to show far outside of it.
-    fn feature(&self) -> Option<Rectangle> {
+    /// All of the chart, where it is too sharp to show far outside of it, or so small that it could hide
+    /// between the nodes of a tile of this side: beside the sample a small chart is bright.
+    fn feature(&self, side: f64) -> Option<Rectangle> {
         self.image.filter(|image| {
             let [width, height] = image.sides();
-            self.blur[0] < width.min(height)
+            let least = width.min(height);
+            self.blur[0] < least || patch_tile_pixels(least) < side
         })
     }
 }

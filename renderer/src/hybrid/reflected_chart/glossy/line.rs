@@ -39,6 +39,7 @@ kernel! {
             Order::Five => sum(point, &moments::FIVE, lines, cuts),
             Order::Seven => sum(point, &moments::SEVEN, lines, cuts),
             Order::Nine => sum(point, &moments::NINE, lines, cuts),
+            Order::Eleven => sum(point, &moments::ELEVEN, lines, cuts),
         }
     }
 }

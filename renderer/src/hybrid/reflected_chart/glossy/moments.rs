@@ -16,6 +16,8 @@ pub enum Order {
     Seven,
     /// Nine.
     Nine,
+    /// Eleven.
+    Eleven,
 }
 
 impl Order {
@@ -24,7 +26,8 @@ impl Order {
         match self {
             Self::Three => Self::Five,
             Self::Five => Self::Seven,
-            Self::Seven | Self::Nine => Self::Nine,
+            Self::Seven => Self::Nine,
+            Self::Nine | Self::Eleven => Self::Eleven,
         }
     }
 }
@@ -49,7 +52,7 @@ impl<const N: usize> Nodes<N> {
     }
 }
 
-/// The zeros of the Hermite polynomials of degree 3, 5, 7 and 9 (of weight exp(-z^2/2)): over the whole
+/// The zeros of the Hermite polynomials of degree 3, 5, 7, 9 and 11 (of weight exp(-z^2/2)): over the whole
 /// density, rules on them are Gauss's.
 pub static THREE: LazyLock<Nodes<3>> =
     LazyLock::new(|| Nodes::new([-1.732_050_807_568_877_2, 0.0, 1.732_050_807_568_877_2]));
@@ -87,6 +90,22 @@ pub static NINE: LazyLock<Nodes<9>> = LazyLock::new(|| {
     ])
 });
 
+pub static ELEVEN: LazyLock<Nodes<11>> = LazyLock::new(|| {
+    Nodes::new([
+        -5.188_001_224_374_871,
+        -3.936_166_607_129_977,
+        -2.865_123_160_643_645,
+        -1.876_035_020_154_845_8,
+        -0.928_868_997_381_063_9,
+        0.0,
+        0.928_868_997_381_063_9,
+        1.876_035_020_154_845_8,
+        2.865_123_160_643_645,
+        3.936_166_607_129_977,
+        5.188_001_224_374_871,
+    ])
+});
+
 fn lagrange<const N: usize>(nodes: [f64; N]) -> [[f64; N]; N] {
     let mut polynomials = [[0.0; N]; N];
     for (k, polynomial) in polynomials.iter_mut().enumerate() {
@@ -103,10 +122,10 @@ fn lagrange<const N: usize>(nodes: [f64; N]) -> [[f64; N]; N] {
     polynomials
 }
 
-/// Of the whole line: the square root of 2 pi times the moments 1, 0, 1, 0, 3, 0, 15, 0, 105.
+/// Of the whole line: the square root of 2 pi times the moments 1, 0, 1, 0, 3, 0, 15, 0, 105, 0, 945.
 pub fn everything<const N: usize>() -> Moments<N> {
     const ROOT: f64 = 2.506_628_274_631_000_7;
-    const MOMENTS: [f64; 9] = [
+    const MOMENTS: [f64; 11] = [
         ROOT,
         0.0,
         ROOT,
@@ -116,6 +135,8 @@ pub fn everything<const N: usize>() -> Moments<N> {
         15.0 * ROOT,
         0.0,
         105.0 * ROOT,
+        0.0,
+        945.0 * ROOT,
     ];
     std::array::from_fn(|i| [MOMENTS[i]; LANES])
 }
@@ -217,6 +238,7 @@ mod tests {
         pieces_integrate(&FIVE);
         pieces_integrate(&SEVEN);
         pieces_integrate(&NINE);
+        pieces_integrate(&ELEVEN);
     }
 
     #[test]

@@ -4,7 +4,9 @@ use super::branches::Branches;
 use super::conic::Conic;
 use super::light_cells::LightCells;
 use super::moments::Order;
-use crate::hybrid::budget::glossy::{CORNERS_MAX, PARABOLA_EXPONENT, TAIL_DIGITS};
+use crate::hybrid::budget::glossy::{
+    CORNERS_MAX, PARABOLA_EXPONENT, QUARTIC_EXPONENT, TAIL_DIGITS,
+};
 use crate::hybrid::reflected_chart::lit_chart::LitChart;
 use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::Instructions;
@@ -101,8 +103,10 @@ impl<'a> Point<'a> {
         let unit_z = z * pitch;
         let order = if lobe.n_u > PARABOLA_EXPONENT {
             Order::Three
-        } else {
+        } else if lobe.n_u > QUARTIC_EXPONENT {
             Order::Five
+        } else {
+            Order::Seven
         };
         Self {
             glossy,

@@ -4,9 +4,9 @@
 use super::lanes::Cuts;
 use super::line::Lines;
 use super::point::Point;
-use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP, TAIL_DIGITS};
+use crate::hybrid::budget::glossy::{CORNER_DIGITS, FALL_SHARE, PASSAGE, STEP, TAIL_DIGITS};
+use crate::numerics::elementary::log1p;
 use crate::numerics::gauss::GaussRule;
-use crate::numerics::tolerance::Tolerance;
 
 /// Buffers.
 #[derive(Default)]
@@ -46,7 +46,15 @@ struct Piece {
 }
 
 impl Piece {
-    fn points(&self, tolerance: Tolerance) -> usize {
+    /// Gauss points. Digits below the last one of the whole lobe do not count on a piece that is a small
+    /// part of it, or on which the lobe is low.
+    fn points(&self, point: &Point<'_>) -> usize {
+        let n_v = point.glossy.reflectance.lobe.n_v;
+        let nearest = self.from.max(-self.to).max(0.0);
+        let low = 0.5 * n_v * log1p(nearest * nearest);
+        let widths = (self.to - self.from) * n_v.sqrt();
+        let short = log1p((1.0 / widths - 1.0).max(0.0));
+        let tolerance = point.tolerance.after_fall(FALL_SHARE * low + short);
         tolerance.points((self.to - self.from) * self.rate, 0.0)
     }
 
@@ -59,8 +67,8 @@ impl Piece {
         }
     }
 
-    fn is_cheaper_with(&self, next: &Self, tolerance: Tolerance) -> bool {
-        self.with(next).points(tolerance) <= self.points(tolerance) + next.points(tolerance)
+    fn is_cheaper_with(&self, next: &Self, point: &Point<'_>) -> bool {
+        self.with(next).points(point) <= self.points(point) + next.points(point)
     }
 }
 
@@ -88,7 +96,7 @@ impl Point<'_> {
                 rate: self.rate(0.5 * (from + to), &passages),
             };
             piece = match piece {
-                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self.tolerance) => {
+                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self) => {
                     Some(piece.with(&next))
                 }
                 Some(done) => {
@@ -106,7 +114,7 @@ impl Point<'_> {
 
     /// Adds the lines of a piece of the wide axis.
     fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
-        let rule = GaussRule::of(piece.points(self.tolerance));
+        let rule = GaussRule::of(piece.points(self));
         // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
         for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
             let per = 1.0 / (1.0 - x * x);
