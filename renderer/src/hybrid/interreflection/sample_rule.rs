@@ -7,7 +7,7 @@
 //! integrates along each line.
 
 use super::transfer::{Along, Receiver};
-use crate::hybrid::budget::interreflection::{ROTATED_FROM, TAIL_DIGITS};
+use crate::hybrid::budget::interreflection::{BESIDE_RIDGE_EXPONENT, ROTATED_FROM, TAIL_DIGITS};
 use crate::numerics::elementary::{asinh, exp, log1p};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::tolerance::Tolerance;
@@ -221,7 +221,11 @@ impl SampleFrame {
                 // The lobe sends nothing from here.
                 continue;
             };
-            let points = self.points(self.n_v, [from, to], widths, tolerance);
+            let exponent = match &ridge {
+                Some(_) => self.n_v.max(BESIDE_RIDGE_EXPONENT),
+                None => self.n_v,
+            };
+            let points = self.points(exponent, [from, to], widths, tolerance);
             resolved &= points <= POINTS_MAX;
             for (s, weight) in GaussRule::of(points).on(from, to) {
                 let e = exp(s);
