@@ -4,7 +4,7 @@ use dataset::Specification;
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
-const CASES: [(u32, u32, &str); 4] = [
+const CASES: [(u32, u32, &str); 6] = [
     (
         288,
         5,
@@ -24,6 +24,16 @@ const CASES: [(u32, u32, &str); 4] = [
         5715,
         7,
         "the shares of a rough material's errors came to more than its target",
+    ),
+    (
+        690,
+        5,
+        "too few lines crossed the sample beside a wide lobe's ridge",
+    ),
+    (
+        761,
+        3,
+        "dark pixels were told to be off by as much as the chart's brightest light",
     ),
 ];
 

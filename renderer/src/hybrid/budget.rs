@@ -17,7 +17,8 @@
 //! ```
 //!
 //! What the rule at a point misses comes on top, at most [`TILING`]'s `rule` of a tile's share. What an
-//! error of order 1 becomes in the higher orders is part of its share.
+//! error of order 1 becomes in the higher orders is part of its share. What interreflection misses is a
+//! share of the light on the chart: of a pixel it takes no more than that share.
 
 use crate::film::target;
 use crate::film::{log_tiling, tiling};
