@@ -71,9 +71,10 @@ pub struct Shares {
     pub unmet: f64,
 }
 
-/// What a function may be off by that no rule shows: the smaller of the two.
+/// What a function may be off by that no rule shows: the smaller of the two, or the one that is a number.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FunctionError {
+    /// In units of white.
     pub absolute: f64,
     /// As a share of the function's largest channel.
     pub relative: f64,

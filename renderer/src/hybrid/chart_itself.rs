@@ -32,7 +32,7 @@ pub fn add(
         feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        function_error: interreflection.light_error(),
+        function_error: interreflection.function_error(),
         shares: TILING,
     };
     let shade = ChartItself {

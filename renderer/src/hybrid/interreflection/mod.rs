@@ -131,8 +131,9 @@ impl Interreflection {
     /// How far [`Interreflection::on_chart`] may be off, and what reflects it.
     ///
     /// The light on the chart is off by at most this share of itself everywhere. So is what a patch or the
-    /// sample reflects of it; and neither reflects more than it receives.
-    pub(super) fn light_error(&self) -> FunctionError {
+    /// sample reflects of it; and neither reflects more than it receives. Where the bulb does not light all
+    /// of the chart the share is no number, and only the second holds.
+    pub(super) fn function_error(&self) -> FunctionError {
         FunctionError {
             absolute: self.error,
             relative: self.error / self.direct_least,

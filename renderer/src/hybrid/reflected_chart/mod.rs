@@ -52,7 +52,7 @@ pub fn add(
     } else {
         add_wide
     };
-    let error = interreflection.light_error();
+    let error = interreflection.function_error();
     add(view, canvas, [&lit, &finer], error, reflectance)
 }
 
