@@ -318,7 +318,7 @@ pub mod glossy {
     /// Tiles are this many times longer than a feature asks for. Chosen, for the same reason.
     pub const TILE: f64 = 6.0;
 
-    /// One to two seconds of a core at 128 x 128 (measured). With 900 a pixel 98.2 percent of material 936
+    /// One to three seconds of a core at 128 x 128 (measured). With 900 a pixel 98.2 percent of material 936
     /// of the preset met the tolerance in view 5.
     pub const LIMIT: Limit = Limit {
         per_pixel: 1_200,

@@ -177,6 +177,16 @@ impl SampleFrame {
         [x[0].max(y[0]), x[1].min(y[1])]
     }
 
+    /// The middle of the lobe between a receiver and a source, if lines run across a narrow one.
+    fn ridge(&self, receiver: Vec3, source: Vec3, tolerance: Tolerance) -> Option<Ridge> {
+        (self.aligned && self.n_u > ROTATED_FROM).then(|| Ridge {
+            receiver,
+            source,
+            n_u: self.n_u,
+            reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+        })
+    }
+
     /// The rule for a receiver, and for a source if all lines share one (both in the frame).
     pub fn rule(
         &self,
@@ -191,14 +201,11 @@ impl SampleFrame {
         let delta = Vec3::new(x - near_x, y - near_y, c.z).length();
         let mut lines = Vec::with_capacity(LINES_LIKELY);
         let mut resolved = true;
-        let ridge = source
-            .filter(|_| self.aligned && self.n_u > ROTATED_FROM)
-            .map(|source| Ridge {
-                receiver: c,
-                source,
-                n_u: self.n_u,
-                reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
-            });
+        let ridge = source.and_then(|source| self.ridge(c, source, tolerance));
+        let exponent = match &ridge {
+            Some(_) => self.n_v.max(BESIDE_RIDGE_EXPONENT),
+            None => self.n_v,
+        };
         let v_of = |s: f64| {
             let e = exp(s);
             nearest + 0.5 * delta * (e - 1.0 / e)
@@ -220,10 +227,6 @@ impl SampleFrame {
             let Some(widths) = passed else {
                 // The lobe sends nothing from here.
                 continue;
-            };
-            let exponent = match &ridge {
-                Some(_) => self.n_v.max(BESIDE_RIDGE_EXPONENT),
-                None => self.n_v,
             };
             let points = self.points(exponent, [from, to], widths, tolerance);
             resolved &= points <= POINTS_MAX;
