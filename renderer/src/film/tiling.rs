@@ -1,16 +1,16 @@
 //! Integrals over pixels of a function that is smooth on most of the film.
 //!
 //! The film is tiled by rectangles on each of which the function is a product of Chebyshev series,
-//! halved until the last coefficients vanish against the target. A box-filtered pixel is then the
-//! integral of a polynomial, in closed form, and one that the outline cuts the integral over the
-//! covered polygon. A pixel on which even a tile of its own does not do is integrated by adaptive
+//! halved until what they leave out of the means over pixels vanishes against the target. A
+//! box-filtered pixel is then the integral of a polynomial, in closed form, and one that the outline
+//! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is integrated by adaptive
 //! quadrature.
 
 use super::canvas::Canvas;
 use super::refine::{cut_out, refine, roots};
 use super::{FilmPixel, pixel, target};
 use crate::numerics::channels::largest_difference;
-use crate::numerics::chebyshev::{Basis, Tile};
+use crate::numerics::chebyshev::{Basis, Fit, Tile};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
@@ -60,10 +60,15 @@ pub struct Region {
 pub struct Shares {
     /// The share that the rule at a tile's middle may miss.
     pub rule: f64,
-    /// What a tile is off by on its sides and at its corners, where it is worst, counts by this share.
-    pub rim: f64,
-    /// The same at points between the nodes.
-    pub between: f64,
+    /// What series along one row and one column of nodes leave out at a point counts by this share, before the
+    /// other nodes are worked out.
+    pub cross: f64,
+    /// A pixel's mean is taken to be off by at least this share of what the series of its tile leave out at a
+    /// point.
+    pub point: f64,
+    /// What a tile is off by at its rim and between its nodes, as far as means over pixels keep it, counts so many
+    /// times.
+    pub apart: f64,
     /// A tile states this many times what it shows to be off by.
     pub doubt: f64,
     /// A rule states this many times its difference from the next finer one, where no work is left for
@@ -206,6 +211,15 @@ enum Growth {
     Pixel(Rectangle, Vec<([f64; 3], f64)>),
     /// The function is not smooth on it.
     Halves([Rectangle; 2]),
+}
+
+/// How fine a function is worked out on a tile.
+struct Rule {
+    tolerance: Tolerance,
+    /// What is stated to be missed in the tile's middle.
+    missed: f64,
+    /// How many times its difference from the next finer one the rule states.
+    times: f64,
 }
 
 /// How hard to try, by what has been spent.
@@ -371,13 +385,16 @@ impl<S: Shade> Tiling<'_, S> {
             let allowed = self.allowed(before + self.gain * cross.least(), effort);
             let tails = self.basis.cross_tails(&cross.row, &cross.column);
             let steep = usize::from(tails[1] > tails[0]);
-            if tails[steep] > allowed
+            if demand.shares.cross * tails[steep] > allowed
                 && let Some(axis) = axis_to_halve(rectangle, steep)
             {
                 return (Growth::Halves(rectangle.halves(axis)), function.spent);
             }
         }
-        let (tolerance, missed) = self.rule(rectangle, before, effort, &mut function);
+        let rule = self.rule(rectangle, before, effort, &mut function);
+        let Rule {
+            tolerance, missed, ..
+        } = rule;
         let values = nodes
             .iter()
             .enumerate()
@@ -387,7 +404,7 @@ impl<S: Shade> Tiling<'_, S> {
             });
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
-        let fit_error = self.fit_error(&tile, fit.error, tolerance, &mut function);
+        let fit_error = self.fit_error(&tile, &fit, &rule, &mut function);
         if fit_error <= allowed || effort == Effort::None {
             let tile = Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
             return (tile, function.spent);
@@ -409,33 +426,43 @@ impl<S: Shade> Tiling<'_, S> {
         (Growth::Pixel(*rectangle, parts), function.spent)
     }
 
-    /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
-    /// between its nodes show.
+    /// What the means over pixels show to be off by on a tile: what its series leaves out, and what its
+    /// corners, sides and points between its nodes show.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
-        left_out: f64,
-        tolerance: Tolerance,
+        fit: &Fit,
+        rule: &Rule,
         function: &mut Counted<'_, S>,
     ) -> f64 {
-        let mut off = |points: [[f64; 2]; 4], tolerance: Tolerance| {
-            let off =
-                points.map(|at| largest_difference(function.at(at, tolerance), tile.value(at)));
-            off.into_iter().fold(0.0, f64::max)
-        };
+        let shares = &self.demand.shares;
+        let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
+        let left_out = tile.left_out_of_means(&columns, &rows);
+        let tolerance = rule.tolerance;
+        let off = |value: [f64; 3], at: [f64; 2]| largest_difference(value, tile.value(at));
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
         // there shows at the corners, and the start of a steep rise on the sides.
-        let rim = off(tile.rectangle.corners(), tolerance)
-            .max(off(ON_SIDES.map(|at| tile.rectangle.point(at)), tolerance));
+        let sides = ON_SIDES.map(|at| tile.rectangle.point(at));
+        let rim = tile.rectangle.corners().into_iter().chain(sides);
+        let mut apart = rim
+            .map(|at| off(function.at(at, tolerance), at))
+            .fold(0.0, f64::max);
         // The rule was looked at in the middle. Elsewhere it may miss more.
         let check = if tolerance.level() < self.shade.finest_level() {
             tolerance.finer()
         } else {
             tolerance
         };
-        let between = off(BETWEEN.map(|at| tile.rectangle.point(at)), check);
-        let shares = &self.demand.shares;
-        left_out.max(shares.rim * rim).max(shares.between * between)
+        let mut missed = 0.0f64;
+        for at in BETWEEN.map(|at| tile.rectangle.point(at)) {
+            let value = function.at(at, tolerance);
+            apart = apart.max(off(value, at));
+            missed = missed.max(largest_difference(value, function.at(at, check)));
+        }
+        left_out
+            .max(shares.point * fit.error)
+            .max(shares.apart * mean_of_unlike(&tile.rectangle) * apart)
+            .max(rule.times * missed)
     }
 
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
@@ -469,7 +496,7 @@ impl<S: Shade> Tiling<'_, S> {
         before: f64,
         effort: Effort,
         function: &mut Counted<'_, S>,
-    ) -> (Tolerance, f64) {
+    ) -> Rule {
         let middle = rectangle.point([0.0; 2]);
         let mut tolerance = self.demand.tolerance;
         let light_error = function.light_error(middle, tolerance);
@@ -485,7 +512,12 @@ impl<S: Shade> Tiling<'_, S> {
             let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
             if met || effort == Effort::None {
                 let times = if met { 1.0 } else { self.demand.shares.unmet };
-                return (tolerance, stated + (times - 1.0) * missed);
+                let missed = stated + (times - 1.0) * missed;
+                return Rule {
+                    tolerance,
+                    missed,
+                    times,
+                };
             }
             let next = if missed > STUCK * before_missed {
                 check
@@ -494,7 +526,11 @@ impl<S: Shade> Tiling<'_, S> {
             };
             if next.level() == check.level() {
                 if check.level() == self.shade.finest_level() {
-                    return (check, stated);
+                    return Rule {
+                        tolerance: check,
+                        missed: stated,
+                        times: 1.0,
+                    };
                 }
                 check = check.finer();
                 fine = evaluate(check);
@@ -512,6 +548,16 @@ impl<S: Shade> Tiling<'_, S> {
         };
         allowed.max(faint) / self.gain
     }
+}
+
+/// The part of a difference found at a point that is left in the mean over a pixel's part of a tile: what a
+/// series misses changes its sign from node to node, so that a mean over as much as n gaps between nodes has
+/// the root of 1/n of it.
+fn mean_of_unlike(tile: &Rectangle) -> f64 {
+    let [columns, rows] = tile
+        .sides()
+        .map(|side| (TERMS as f64 * (1.0 / side).min(1.0)).max(1.0));
+    1.0 / (columns * rows).sqrt()
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a

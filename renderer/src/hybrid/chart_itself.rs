@@ -25,14 +25,18 @@ pub fn add(
                 .is_some()
         })
         .collect();
+    let function_error = interreflection.function_error();
+    let accuracy = view
+        .budget
+        .chart_beside(function_error, reflected_chart::SHARE_LEAST_STRAIGHT);
     let demand = Demand {
-        accuracy: &view.budget.chart,
+        accuracy: &accuracy,
         faint: view.budget.chart.absolute,
         side_max: f64::from(view.size[0]),
         feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        function_error: interreflection.function_error(),
+        function_error,
         shares: TILING,
     };
     let shade = ChartItself {

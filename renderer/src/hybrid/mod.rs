@@ -14,6 +14,8 @@ mod chart_itself;
 mod chart_on_film;
 mod direct;
 pub(crate) mod interreflection;
+#[cfg(test)]
+mod kinks;
 mod reflected_chart;
 mod view;
 

@@ -223,6 +223,42 @@ impl<const TERMS: usize> Tile<TERMS> {
         }
     }
 
+    /// What the series leaves out of the mean over a cell between neighbours of `columns` and `rows`, edges
+    /// inside the tile in rising order: at most, by the sizes of the last coefficients. Over cells as large as the
+    /// tile it is far less than [`Fit::error`], because polynomials of high degree have small means.
+    pub fn left_out_of_means(&self, columns: &[f64], rows: &[f64]) -> f64 {
+        let [columns, rows] = [self.means(0, columns), self.means(1, rows)];
+        let mut most = 0.0f64;
+        for y in &rows {
+            for x in &columns {
+                let mut sum = [0.0; 3];
+                for (j, line) in self.coefficients.iter().enumerate() {
+                    let first = if j >= TERMS - TAIL { 0 } else { TERMS - TAIL };
+                    for (i, coefficient) in line.iter().enumerate().skip(first) {
+                        add_scaled(&mut sum, coefficient.map(f64::abs), x[i] * y[j]);
+                    }
+                }
+                most = most.max(sum[0]).max(sum[1]).max(sum[2]);
+            }
+        }
+        LEFT_OUT * most
+    }
+
+    /// How large the means of T_0, T_1, ... between neighbouring edges along an axis are.
+    fn means(&self, axis: usize, edges: &[f64]) -> Vec<[f64; TERMS]> {
+        let local: Vec<f64> = edges
+            .iter()
+            .map(|&edge| self.rectangle.local(axis, edge))
+            .collect();
+        local
+            .windows(2)
+            .map(|pair| {
+                let per_length = 1.0 / (pair[1] - pair[0]);
+                integrals(pair[0], pair[1]).map(|integral| (per_length * integral).abs())
+            })
+            .collect()
+    }
+
     /// The integral over a rectangle inside the tile, in square pixels.
     pub fn integral(&self, cell: &Rectangle) -> [f64; 3] {
         let [width, height] = self.rectangle.sides();
@@ -335,6 +371,24 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn means_over_a_whole_tile_miss_little_of_high_degrees() {
+        let rectangle = Rectangle {
+            low: [3.0, 5.0],
+            high: [5.0, 6.0],
+        };
+        let basis = Basis::<8>::new();
+        // T_6 along columns: its mean is 1/35 over the tile, and over a hundredth of it as large as it is.
+        let nodes = basis
+            .nodes(&rectangle)
+            .map(|[x, _]| [values::<8>(x - 4.0)[6]; 3]);
+        let (tile, fit) = basis.fit(rectangle, nodes);
+        assert!((fit.error - LEFT_OUT).abs() < 1e-12);
+        let told = |columns: &[f64]| tile.left_out_of_means(columns, &[5.0, 6.0]) / LEFT_OUT;
+        assert!((told(&[3.0, 5.0]) - 1.0 / 35.0).abs() < 1e-12);
+        assert!((told(&[3.99, 4.01]) - 1.0).abs() < 1e-2);
     }
 
     #[test]

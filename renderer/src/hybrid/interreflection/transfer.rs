@@ -6,6 +6,11 @@
 //! the receiver comes to the sample. Where the lobe is narrow along u, the rule covers only the
 //! part of the line that the lobe reaches, whose middle is the one root of h_u.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
+
 use super::surface::Surface;
 use crate::numerics::batch::{Batch, LANES};
 use crate::numerics::elementary::{asinh, exp, log1p};
@@ -52,6 +57,9 @@ struct Light {
 /// A family of point sources, told apart by three numbers.
 trait Sources {
     fn light(&self, source: [f64; 3], u: f64, v: f64) -> Light;
+
+    /// A point that the light at (u, v) comes from.
+    fn origin(&self, source: [f64; 3], u: f64, v: f64) -> Vec3;
 }
 
 /// The points of a cubature over the bulb: two coordinates on the unit disc and a weight. The disc
@@ -101,6 +109,19 @@ impl Sources for Bulb {
             irradiance: radiance * PI * sin2 * cz,
         }
     }
+
+    /// As far away as the centre.
+    #[inline(always)]
+    fn origin(&self, source: [f64; 3], u: f64, v: f64) -> Vec3 {
+        let (cx, cy, cz) = (self.centre.x - u, self.centre.y - v, self.centre.z);
+        let distance = (cx * cx + cy * cy + cz * cz).sqrt();
+        let wi = self.light(source, u, v).wi;
+        Vec3 {
+            x: u + distance * wi.x,
+            y: v + distance * wi.y,
+            z: distance * wi.z,
+        }
+    }
 }
 
 /// Points of the chart of unit radiance times area.
@@ -126,6 +147,11 @@ impl Sources for ChartPoints {
             weight,
             irradiance: weight * z,
         }
+    }
+
+    #[inline(always)]
+    fn origin(&self, [x, y, z]: [f64; 3], _: f64, _: f64) -> Vec3 {
+        Vec3 { x, y, z }
     }
 }
 
@@ -166,37 +192,29 @@ impl<'a> Lines<'a> {
         lines
     }
 
-    /// A short interval of t about the root of h_u on each line, or about the end next to it.
+    /// About where on each line h_u vanishes. Light from a point goes to the receiver as off a mirror that holds
+    /// the line: with both turned about it into one plane, the root parts the way along the line as their
+    /// distances from it do. Where the light's point depends on the root, two steps come near it.
     #[inline(always)]
-    fn bracket<S: Sources>(&self, receiver: &Receiver, sources: &S) -> [[f64; LANES]; 2] {
-        /// Halvings of the bracket of the root, and secant steps after them.
-        const HALVINGS: usize = 9;
-        const SECANTS: usize = 2;
-        let (mut a, mut b) = (self.low, self.high);
-        // h_u falls along the line.
-        for _ in 0..HALVINGS {
+    fn roots<S: Sources>(&self, receiver: &Receiver, sources: &S) -> [f64; LANES] {
+        const STEPS: usize = 2;
+        let c = receiver.position;
+        let mut roots = self.nearest;
+        for _ in 0..STEPS {
             for i in 0..LANES {
-                let middle = 0.5 * (a[i] + b[i]);
-                let [h_u, ..] = self.half(i, middle, receiver, sources);
-                a[i] = if h_u > 0.0 { middle } else { a[i] };
-                b[i] = if h_u > 0.0 { b[i] } else { middle };
+                let origin = sources.origin(self.source(i), roots[i], self.v[i]);
+                let (y, z) = (origin.y - self.v[i], origin.z);
+                let from_source = (y * y + z * z).sqrt();
+                let y = c.y - self.v[i];
+                let from_receiver = (y * y + c.z * c.z).sqrt();
+                roots[i] =
+                    (origin.x * from_receiver + c.x * from_source) / (from_source + from_receiver);
             }
         }
-        for _ in 0..SECANTS {
-            for i in 0..LANES {
-                let [at_a, ..] = self.half(i, a[i], receiver, sources);
-                let [at_b, ..] = self.half(i, b[i], receiver, sources);
-                let fall = at_a - at_b;
-                let share = if fall > 0.0 { at_a / fall } else { 0.5 };
-                let share = if share > 0.0 { share } else { 0.0 };
-                let share = if share < 1.0 { share } else { 1.0 };
-                let root = a[i] + share * (b[i] - a[i]);
-                let width = 0.125 * (b[i] - a[i]);
-                a[i] = root - width;
-                b[i] = root + width;
-            }
+        for i in 0..LANES {
+            roots[i] = asinh((roots[i] - self.nearest[i]) / self.delta[i]);
         }
-        [a, b]
+        roots
     }
 
     /// Cuts each line to the part that the lobe reaches, about a bracket of the root of h_u.
@@ -216,21 +234,13 @@ impl<'a> Lines<'a> {
         for _ in 0..CORRECTIONS {
             for i in 0..LANES {
                 let root = middle[i];
-                let at = if a[i] > self.low[i] {
-                    a[i]
-                } else {
-                    self.low[i]
-                };
+                let at = self.clamped(i, a[i]);
                 let [u, v, z] = self.half(i, at, receiver, sources);
                 a[i] = root + widening(depth, surface.depth(u, v, z)) * (a[i] - root);
             }
             for i in 0..LANES {
                 let root = middle[i];
-                let at = if b[i] < self.high[i] {
-                    b[i]
-                } else {
-                    self.high[i]
-                };
+                let at = self.clamped(i, b[i]);
                 let [u, v, z] = self.half(i, at, receiver, sources);
                 b[i] = root + widening(depth, surface.depth(u, v, z)) * (b[i] - root);
             }
@@ -266,24 +276,29 @@ impl<'a> Lines<'a> {
     ) -> [[f64; LANES]; 3] {
         /// The step of a difference quotient, in t.
         const STEP: f64 = 1e-4;
-        let [mut a, mut b] = self.bracket(receiver, sources);
-        let mut middle = [0.0; LANES];
+        /// The most that a root is corrected by, in t.
+        const CORRECTION_MAX: f64 = 0.1;
+        let roots = self.roots(receiver, sources);
+        let [mut a, mut b, mut middle] = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            let root = 0.5 * (a[i] + b[i]);
-            let root = if root > self.low[i] {
-                root
-            } else {
-                self.low[i]
-            };
-            let root = if root < self.high[i] {
-                root
-            } else {
-                self.high[i]
-            };
+            let root = self.clamped(i, roots[i]);
             let [u0, v0, z0] = self.half(i, root - STEP, receiver, sources);
             let [u1, _, z1] = self.half(i, root + STEP, receiver, sources);
-            let slope = (u0 / z0 - u1 / z1) * (0.5 / STEP);
+            let [before, after] = [u0 / z0, u1 / z1];
+            let slope = (before - after) * (0.5 / STEP);
             let slope = if slope > 1e-9 { slope } else { 1e-9 };
+            let correction = 0.5 * (before + after) / slope;
+            let correction = if correction > -CORRECTION_MAX {
+                correction
+            } else {
+                -CORRECTION_MAX
+            };
+            let correction = if correction < CORRECTION_MAX {
+                correction
+            } else {
+                CORRECTION_MAX
+            };
+            let root = self.clamped(i, root + correction);
             // Far out along its other axis a lobe is wider along this one.
             let t = v0 * v0 / (z0 * z0) + 1e-12;
             let width = reach * (t / (surface.n_u * log1p(t))).sqrt() / slope;
@@ -292,6 +307,13 @@ impl<'a> Lines<'a> {
             middle[i] = root;
         }
         [a, b, middle]
+    }
+
+    /// A t of a line, or the end next to it.
+    #[inline(always)]
+    fn clamped(&self, i: usize, t: f64) -> f64 {
+        let t = if t > self.low[i] { t } else { self.low[i] };
+        if t < self.high[i] { t } else { self.high[i] }
     }
 
     /// Where a t lies.

@@ -66,8 +66,11 @@ fn add_wide(
 ) -> u64 {
     let detail = Detail::new(view, chart, reflectance);
     let side_max = detail.side_max(view.budget.wide_tile);
+    let accuracy = view
+        .budget
+        .chart_beside(function_error, reflected_chart::SHARE_LEAST);
     let demand = Demand {
-        accuracy: &view.budget.chart,
+        accuracy: &accuracy,
         faint: view.budget.chart.absolute,
         side_max,
         feature: detail.feature(side_max.min(longest(view))),
@@ -95,8 +98,11 @@ fn add_glossy(
 ) -> u64 {
     let detail = Detail::new(view, charts[0], reflectance);
     let side_max = detail.side_max(glossy_budget::TILE);
+    let accuracy = view
+        .budget
+        .chart_beside(function_error, reflected_chart::SHARE_LEAST);
     let demand = Demand {
-        accuracy: &view.budget.chart,
+        accuracy: &accuracy,
         faint: view.budget.chart.absolute,
         side_max,
         feature: detail.feature(side_max.min(longest(view))),

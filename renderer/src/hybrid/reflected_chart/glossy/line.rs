@@ -35,6 +35,7 @@ kernel! {
     /// Adds up lines as seen from a point.
     pub fn add_lines(point: &Point<'_>, lines: &Lines, cuts: &mut Cuts) -> LineSums {
         match point.order {
+            Order::One => sum(point, &moments::ONE, lines, cuts),
             Order::Three => sum(point, &moments::THREE, lines, cuts),
             Order::Five => sum(point, &moments::FIVE, lines, cuts),
             Order::Seven => sum(point, &moments::SEVEN, lines, cuts),
@@ -316,7 +317,7 @@ impl<'a> Block<'a> {
     /// to that part, because light is known nowhere else.
     #[inline(always)]
     fn frame<const N: usize>(&self, order: &Nodes<N>, seen: &Seen<N>) -> [Lanes; 2] {
-        let farthest = order.nodes[N - 1];
+        let farthest = if N > 1 { order.nodes[N - 1] } else { 1.0 };
         let [mut middle, mut unit] = [[0.0; LANES]; 2];
         for i in 0..LANES {
             let [first, last] = [0, 1].map(|end| seen.span[end][i] * self.per_width[i]);

@@ -6,7 +6,7 @@
 //! in closed form piece by piece between the edges it crosses ([`line`], [`moments`]). The wider axis
 //! q is integrated by Gauss rules between the points where that integral is not smooth: where an edge
 //! crosses the axis p = 0, where a corner of a patch lies in the lobe, and where an edge that runs
-//! along p enters and leaves it.
+//! along p enters and leaves it ([`wide_axis`], [`passages`]).
 
 #![allow(
     clippy::needless_range_loop,
@@ -19,6 +19,7 @@ mod lanes;
 mod light_cells;
 mod line;
 mod moments;
+mod passages;
 mod point;
 mod seen;
 mod wide_axis;
@@ -50,7 +51,7 @@ impl GlossyChart<'_> {
         let radiance = std::array::from_fn(|channel| {
             scale * response.at_moments(sums.fresnel[channel], sums.excess[channel])[channel]
         });
-        let corners = self.corners.len() / CORNERS_AN_EVALUATION;
-        (radiance, sums.evaluations + corners as u32)
+        let gathered = self.corners.len() / CORNERS_AN_EVALUATION + scratch.ends();
+        (radiance, sums.evaluations + gathered as u32)
     }
 }

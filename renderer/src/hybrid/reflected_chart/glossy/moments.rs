@@ -8,6 +8,8 @@ use std::sync::LazyLock;
 /// Points at which what multiplies the density is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
+    /// One point: it is constant over the density.
+    One,
     /// Three points: what multiplies the density is a parabola over it.
     Three,
     /// Five.
@@ -24,6 +26,7 @@ impl Order {
     /// The next larger.
     pub fn finer(self) -> Self {
         match self {
+            Self::One => Self::Three,
             Self::Three => Self::Five,
             Self::Five => Self::Seven,
             Self::Seven => Self::Nine,
@@ -52,8 +55,9 @@ impl<const N: usize> Nodes<N> {
     }
 }
 
-/// The zeros of the Hermite polynomials of degree 3, 5, 7, 9 and 11 (of weight exp(-z^2/2)): over the whole
+/// The zeros of the Hermite polynomials of degree 1, 3, 5, 7, 9 and 11 (of weight exp(-z^2/2)): over the whole
 /// density, rules on them are Gauss's.
+pub static ONE: LazyLock<Nodes<1>> = LazyLock::new(|| Nodes::new([0.0]));
 pub static THREE: LazyLock<Nodes<3>> =
     LazyLock::new(|| Nodes::new([-1.732_050_807_568_877_2, 0.0, 1.732_050_807_568_877_2]));
 pub static FIVE: LazyLock<Nodes<5>> = LazyLock::new(|| {
@@ -193,7 +197,9 @@ pub fn up_to<const N: usize>(table: &Table, z: &[f64; LANES]) -> Moments<N> {
         let fall = -y + d * (1.0 / 2.0) * (second + d * (1.0 / 3.0) * (third + d * 0.25 * fourth));
         let at_end = density[i] * (1.0 + d * fall);
         moments[0][i] = mass[i] + density[i] * d * rise;
-        moments[1][i] = -at_end;
+        if N > 1 {
+            moments[1][i] = -at_end;
+        }
         let end = nearest[i] + d;
         let mut boundary = at_end;
         for k in 2..N {
@@ -234,6 +240,7 @@ mod tests {
 
     #[test]
     fn pieces_integrate_every_polynomial_of_the_nodes() {
+        pieces_integrate(&ONE);
         pieces_integrate(&THREE);
         pieces_integrate(&FIVE);
         pieces_integrate(&SEVEN);

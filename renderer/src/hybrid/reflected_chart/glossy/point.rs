@@ -5,7 +5,7 @@ use super::conic::Conic;
 use super::light_cells::LightCells;
 use super::moments::Order;
 use crate::hybrid::budget::glossy::{
-    CORNERS_MAX, PARABOLA_EXPONENT, QUARTIC_EXPONENT, TAIL_DIGITS,
+    CONSTANT_EXPONENT, CORNERS_MAX, PARABOLA_EXPONENT, QUARTIC_EXPONENT, TAIL_DIGITS,
 };
 use crate::hybrid::reflected_chart::lit_chart::LitChart;
 use crate::numerics::elementary::log1p;
@@ -77,6 +77,10 @@ pub struct Point<'a> {
     pub(super) depth: Conic,
     pub(super) branches: Branches,
     pub(super) tolerance: Tolerance,
+    /// The error that it asks for.
+    pub(super) error: f64,
+    /// Widths of the lobe along q for a unit of slope.
+    pub(super) per_wide_width: f64,
     /// Half the lobe's reach along p, in widths.
     pub(super) reach: f64,
     /// Columns and rows of patches.
@@ -101,7 +105,9 @@ impl<'a> Point<'a> {
         let pitch = glossy.plane.pitch;
         let height = pitch * z.dot(offset);
         let unit_z = z * pitch;
-        let order = if lobe.n_u > PARABOLA_EXPONENT {
+        let order = if lobe.n_u > CONSTANT_EXPONENT {
+            Order::One
+        } else if lobe.n_u > PARABOLA_EXPONENT {
             Order::Three
         } else if lobe.n_u > QUARTIC_EXPONENT {
             Order::Five
@@ -117,6 +123,8 @@ impl<'a> Point<'a> {
             depth: Conic::of(-unit_z, wo),
             branches: Branches::new(wo, knee, reflectance.ior),
             tolerance,
+            error: tolerance.error(),
+            per_wide_width: lobe.n_v.sqrt(),
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
             counts: [glossy.plane.columns, glossy.plane.rows].map(f64::from),
             order: (0..tolerance.level()).fold(order, |order, _| order.finer()),

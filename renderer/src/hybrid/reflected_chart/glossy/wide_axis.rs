@@ -3,9 +3,10 @@
 
 use super::lanes::Cuts;
 use super::line::Lines;
+use super::passages::{End, Passage, count_covering};
 use super::point::Point;
-use crate::hybrid::budget::glossy::{CORNER_DIGITS, FALL_SHARE, PASSAGE, STEP, TAIL_DIGITS};
-use crate::numerics::elementary::log1p;
+use crate::hybrid::budget::glossy::{FALL_SHARE, TAIL_DIGITS};
+use crate::numerics::elementary::about_ln;
 use crate::numerics::gauss::GaussRule;
 
 /// Buffers.
@@ -19,21 +20,11 @@ pub struct Scratch {
     ends: Vec<End>,
 }
 
-/// An edge of patches that passes through the lobe along the wide axis.
-#[derive(Clone, Copy, Debug)]
-struct Passage {
-    /// The q at which it crosses p = 0.
-    middle: f64,
-    /// Widths of the lobe along p that it passes a unit of q.
-    rate: f64,
-}
-
-/// Where a piece of the wide axis may end.
-#[derive(Clone, Copy, Debug)]
-struct End {
-    q: f64,
-    /// Whether the integral over p bends here, so that a piece has to end.
-    kink: bool,
+impl Scratch {
+    /// Ends of pieces that were looked at.
+    pub fn ends(&self) -> usize {
+        self.ends.len()
+    }
 }
 
 /// A piece of the wide axis.
@@ -43,32 +34,39 @@ struct Piece {
     to: f64,
     /// The fastest change on it, in widths a unit of q.
     rate: f64,
+    /// Whether it is one passage with nothing else in it, for which three lines do.
+    is_passage: bool,
+    /// How many lines it takes.
+    lines: usize,
 }
 
 impl Piece {
-    /// Gauss points. Digits below the last one of the whole lobe do not count on a piece that is a small
-    /// part of it, or on which the lobe is low.
-    fn points(&self, point: &Point<'_>) -> usize {
-        let n_v = point.glossy.reflectance.lobe.n_v;
-        let nearest = self.from.max(-self.to).max(0.0);
-        let low = 0.5 * n_v * log1p(nearest * nearest);
-        let widths = (self.to - self.from) * n_v.sqrt();
-        let short = log1p((1.0 / widths - 1.0).max(0.0));
-        let tolerance = point.tolerance.after_fall(FALL_SHARE * low + short);
-        tolerance.points((self.to - self.from) * self.rate, 0.0)
-    }
-
-    /// The piece that covers both.
-    fn with(&self, next: &Self) -> Self {
+    /// A piece for a Gauss rule.
+    fn new(point: &Point<'_>, [from, to]: [f64; 2], rate: f64) -> Self {
         Self {
-            from: self.from,
-            to: next.to,
-            rate: self.rate.max(next.rate),
+            from,
+            to,
+            rate,
+            is_passage: false,
+            lines: point.gauss_points([from, to], rate),
         }
     }
 
-    fn is_cheaper_with(&self, next: &Self, point: &Point<'_>) -> bool {
-        self.with(next).points(point) <= self.points(point) + next.points(point)
+    /// A passage.
+    fn passage([from, to]: [f64; 2], rate: f64) -> Self {
+        Self {
+            from,
+            to,
+            rate,
+            is_passage: true,
+            lines: Passage::RULE.len(),
+        }
+    }
+
+    /// The piece that covers both, if it takes no more lines than they do.
+    fn merged(&self, next: &Self, point: &Point<'_>) -> Option<Self> {
+        let both = Self::new(point, [self.from, next.to], self.rate.max(next.rate));
+        (both.lines <= self.lines + next.lines).then_some(both)
     }
 }
 
@@ -82,29 +80,29 @@ impl Point<'_> {
         }
         let mut passages = std::mem::take(&mut scratch.passages);
         let mut ends = std::mem::take(&mut scratch.ends);
-        self.find_passages([low, high], &mut passages, &mut ends);
-        self.find_kinks([low, high], &mut ends);
+        self.find_ends([low, high], &mut passages, &mut ends);
         let mut piece: Option<Piece> = None;
         for pair in ends.windows(2) {
             let (from, to) = (pair[0].q, pair[1].q);
             if from >= to {
                 continue;
             }
-            let next = Piece {
-                from,
-                to,
-                rate: self.rate(0.5 * (from + to), &passages),
+            let middle = 0.5 * (from + to);
+            let rate = self.rate(middle, &passages);
+            let [begins, is_over] = [pair[0].passage, pair[1].passage];
+            let is_passage = begins.is_some() && begins == is_over;
+            let next = if is_passage && count_covering(middle, &passages) == 1 {
+                Piece::passage([from, to], rate)
+            } else {
+                Piece::new(self, [from, to], rate)
             };
-            piece = match piece {
-                Some(piece) if !pair[0].kink && piece.is_cheaper_with(&next, self) => {
-                    Some(piece.with(&next))
-                }
-                Some(done) => {
-                    self.add_lines(&done, scratch);
-                    Some(next)
-                }
-                None => Some(next),
-            };
+            let before = piece.take();
+            let merged = before.filter(|_| !pair[0].kink);
+            let merged = merged.and_then(|before| before.merged(&next, self));
+            if let (Some(before), None) = (before, merged) {
+                self.add_lines(&before, scratch);
+            }
+            piece = Some(merged.unwrap_or(next));
         }
         if let Some(piece) = piece {
             self.add_lines(&piece, scratch);
@@ -114,7 +112,15 @@ impl Point<'_> {
 
     /// Adds the lines of a piece of the wide axis.
     fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
-        let rule = GaussRule::of(piece.points(self));
+        if piece.is_passage {
+            let middle = 0.5 * (piece.from + piece.to);
+            for [off, weight] in Passage::RULE {
+                let line = [middle + off / piece.rate, weight / piece.rate];
+                scratch.lines.push(line);
+            }
+            return;
+        }
+        let rule = GaussRule::of(piece.lines);
         // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
         for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
             let per = 1.0 / (1.0 - x * x);
@@ -123,13 +129,28 @@ impl Point<'_> {
         }
     }
 
+    /// Gauss points for a piece on which the integral over p changes at this rate. Digits below the last one
+    /// of the whole lobe do not count on a piece that is a small part of it, or on which the lobe is low.
+    fn gauss_points(&self, [from, to]: [f64; 2], rate: f64) -> usize {
+        let nearest = from.max(-to).max(0.0);
+        let low = 0.5 * self.glossy.reflectance.lobe.n_v * about_ln(1.0 + nearest * nearest);
+        let widths = (to - from) * self.per_wide_width;
+        let short = -about_ln(widths.clamp(f64::MIN_POSITIVE, 1.0));
+        let tolerance = self.tolerance.after_fall(FALL_SHARE * low + short);
+        tolerance.points((to - from) * rate, 0.0)
+    }
+
+    /// Whether the lines of a piece without passages lie farther than this from both of its ends.
+    pub fn keeps_clear(&self, [from, to]: [f64; 2], distance: f64) -> bool {
+        let shares = |points| (to - from) * first_gauss_point(points) > distance;
+        // Few pieces take one line; two are quickly ruled out.
+        shares(2) && shares(self.gauss_points([from, to], self.per_wide_width))
+    }
+
     /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
     fn rate(&self, q: f64, passages: &[Passage]) -> f64 {
-        let per_width = self.glossy.reflectance.lobe.n_v.sqrt();
-        let covering = passages
-            .iter()
-            .filter(|passage| (q - passage.middle).abs() * passage.rate < PASSAGE);
-        covering.fold(per_width, |rate, passage| rate.max(passage.rate))
+        let covering = passages.iter().filter(|passage| passage.covers(q));
+        covering.fold(self.per_wide_width, |rate, passage| rate.max(passage.rate))
     }
 
     /// The q between which the lobe is integrated: it reaches no farther, or light stands below the
@@ -148,71 +169,34 @@ impl Point<'_> {
         let half = (per_height * per_height - off * off).max(0.0).sqrt();
         [(q - half).clamp(-reach, 0.0), (q + half).clamp(0.0, reach)]
     }
+}
 
-    /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
-    fn find_passages(
-        &self,
-        [low, high]: [f64; 2],
-        passages: &mut Vec<Passage>,
-        ends: &mut Vec<End>,
-    ) {
-        passages.clear();
-        ends.clear();
-        let plane = &self.glossy.plane;
-        let lobe = &self.glossy.reflectance.lobe;
-        let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / lobe.n_v.sqrt());
-        let counts = [plane.columns, plane.rows];
-        let along = [&self.across, &self.up];
-        for axis in 0..2 {
-            for line in 0..=counts[axis] {
-                let edge = along[axis].less(f64::from(line), &self.depth);
-                for middle in edge.on_axis().zeros() {
-                    if !(middle > low && middle < high) {
-                        continue;
-                    }
-                    let depth = self.depth.value(0.0, middle);
-                    let other = along[1 - axis].value(0.0, middle);
-                    let most = f64::from(counts[1 - axis]) + 1.0;
-                    if !(depth > 0.0 && other > -depth && other < most * depth) {
-                        continue;
-                    }
-                    let rate = edge.drift(middle) * per_width;
-                    let half = PASSAGE / rate;
-                    if half < STEP * wide {
-                        ends.push(End {
-                            q: middle,
-                            kink: true,
-                        });
-                    } else if rate * wide > 1.0 {
-                        passages.push(Passage { middle, rate });
-                        ends.extend([middle - half, middle + half].map(|q| End { q, kink: false }));
-                    }
-                }
-            }
-        }
-        ends.retain(|end| end.q > low && end.q < high);
-        ends.extend([low, high].map(|q| End { q, kink: true }));
-    }
-
-    /// Finds where the integral over p has a kink, and sorts all ends.
-    fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
-        let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
-        let levels = self
-            .branches
-            .levels()
-            .flat_map(|level| level.on_axis().zeros());
-        let corners = self.glossy.corners.iter().filter_map(|corner| {
-            let half = self.wo + (*corner - self.position).normalized();
-            let [p, q] = [half.x / half.z, half.y / half.z];
-            (p.abs() * self.widths_per_slope(q) < reach).then_some(q)
-        });
-        let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
-        ends.extend(kinks.map(|q| End { q, kink: true }));
-        ends.sort_unstable_by(|a, b| a.q.total_cmp(&b.q));
-    }
+/// A little less than the first of Gauss's points between 0 and 1, which is about sin^2(j/(2 n + 1)) with
+/// j = 2.405 the first zero of the Bessel function J_0.
+fn first_gauss_point(points: usize) -> f64 {
+    let root = 2.36 / (2 * points + 1) as f64;
+    let square = root * root;
+    square * (1.0 - square * (1.0 / 3.0))
 }
 
 /// tan(atan(q)/2), which stays finite as q does not.
 fn half_tangent(q: f64) -> f64 {
     q / (1.0 + (1.0 + q * q).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gauss_points_keep_their_distance() {
+        for points in 1..40 {
+            let (first, _) = GaussRule::of(points).on(0.0, 1.0).next().expect("a point");
+            let bound = first_gauss_point(points);
+            assert!(
+                bound <= first && first < 1.1 * bound,
+                "{points}: {first} {bound}"
+            );
+        }
+    }
 }

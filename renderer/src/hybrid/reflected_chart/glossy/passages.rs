@@ -1,0 +1,211 @@
+//! Where edges of patches pass through the lobe along its wide axis, and where the rule along that axis
+//! has to be parted.
+//!
+//! Let an edge pass `rate` widths of the narrow axis a unit of q, and z be its place in those widths. Across
+//! the passage the integral over the narrow axis goes from one smooth function to another as
+//! before Phi(-z) + after Phi(z). An edge that passes fast next to the lobe's fall along q takes few lines:
+//!
+//! - Taken for a step in its middle, it misses (after' - before') / (2 rate^2), because the integral of
+//!   2 z Phi(-z) over z > 0 is 1/2. The lines beside it must lie beyond the passage.
+//! - [`Passage::RULE`] is exact for that term and for the first of the edge's bend, so it misses terms in
+//!   1 / rate^3.
+
+use super::point::Point;
+use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP};
+
+/// An edge of patches that passes through the lobe along the wide axis.
+#[derive(Clone, Copy, Debug)]
+pub struct Passage {
+    /// The q at which it crosses p = 0.
+    pub middle: f64,
+    /// Widths of the lobe along p that it passes a unit of q.
+    pub rate: f64,
+}
+
+impl Passage {
+    /// Lines and their weights, over [`PASSAGE`] to either side of z = 0. With A the integral of
+    /// z (2 Phi(z) - 1) over half of it and B that of z^2 phi(z) over all of it, the points at +-s of
+    /// weight w satisfy w s (2 Phi(s) - 1) = A and 2 w s^2 phi(s) = B; the middle has the rest.
+    pub const RULE: [[f64; 2]; 3] = [
+        [-2.146_818_392_216_401, 2.706_446_064_758_85],
+        [0.0, 2.0 * PASSAGE - 2.0 * 2.706_446_064_758_85],
+        [2.146_818_392_216_401, 2.706_446_064_758_85],
+    ];
+
+    /// Whether it goes on at q.
+    pub fn covers(&self, q: f64) -> bool {
+        (q - self.middle).abs() * self.rate < PASSAGE
+    }
+
+    /// How slow it is next to the lobe's fall along q, whose width is `1 / per_width`.
+    fn slowness(&self, per_width: f64) -> f64 {
+        per_width / self.rate
+    }
+
+    /// Whether the rule of three lines misses no more than a tolerance.
+    fn has_rule(&self, point: &Point<'_>) -> bool {
+        let slow = self.slowness(point.per_wide_width);
+        slow * slow * slow < point.error
+    }
+
+    /// Whether a step misses no more than a tolerance.
+    fn is_step(&self, point: &Point<'_>) -> bool {
+        let slow = self.slowness(point.per_wide_width);
+        0.5 * slow * slow < point.error
+    }
+}
+
+/// Where a piece of the wide axis may end.
+#[derive(Clone, Copy, Debug)]
+pub struct End {
+    pub q: f64,
+    /// Whether the integral over p bends here, so that a piece has to end.
+    pub kink: bool,
+    /// The index of the passage that begins or ends here, if the rule of three lines may serve it.
+    pub passage: Option<usize>,
+}
+
+impl End {
+    fn kink(q: f64) -> Self {
+        Self {
+            q,
+            kink: true,
+            passage: None,
+        }
+    }
+}
+
+impl Point<'_> {
+    /// Finds where edges of patches pass through the lobe between two q, and where pieces may end, in rising
+    /// order.
+    pub fn find_ends(&self, extent: [f64; 2], passages: &mut Vec<Passage>, ends: &mut Vec<End>) {
+        passages.clear();
+        ends.clear();
+        self.find_passages(extent, passages, ends);
+        self.find_kinks(extent, ends);
+        let [low, high] = extent;
+        ends.retain(|end| end.q > low && end.q < high);
+        ends.extend(extent.map(End::kink));
+        ends.sort_unstable_by(|a, b| a.q.total_cmp(&b.q));
+        self.take_steps(passages, ends);
+    }
+
+    /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
+    fn find_passages(
+        &self,
+        [low, high]: [f64; 2],
+        passages: &mut Vec<Passage>,
+        ends: &mut Vec<End>,
+    ) {
+        let plane = &self.glossy.plane;
+        let lobe = &self.glossy.reflectance.lobe;
+        let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / self.per_wide_width);
+        let counts = [plane.columns, plane.rows];
+        let along = [&self.across, &self.up];
+        for axis in 0..2 {
+            for line in 0..=counts[axis] {
+                let edge = along[axis].less(f64::from(line), &self.depth);
+                for middle in edge.on_axis().zeros() {
+                    if !(middle > low && middle < high) {
+                        continue;
+                    }
+                    let depth = self.depth.value(0.0, middle);
+                    let other = along[1 - axis].value(0.0, middle);
+                    let most = f64::from(counts[1 - axis]) + 1.0;
+                    if !(depth > 0.0 && other > -depth && other < most * depth) {
+                        continue;
+                    }
+                    let rate = edge.drift(middle) * per_width;
+                    let half = PASSAGE / rate;
+                    if half < STEP * wide {
+                        ends.push(End::kink(middle));
+                    } else if rate * wide > 1.0 {
+                        let passage = Passage { middle, rate };
+                        let index = passage.has_rule(self).then_some(passages.len());
+                        passages.push(passage);
+                        ends.extend([middle - half, middle + half].map(|q| End {
+                            q,
+                            kink: false,
+                            passage: index,
+                        }));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Finds where the integral over p has a kink.
+    fn find_kinks(&self, [low, high]: [f64; 2], ends: &mut Vec<End>) {
+        let reach = 0.5 * self.tolerance.reach_widths(-CORNER_DIGITS);
+        let levels = self
+            .branches
+            .levels()
+            .flat_map(|level| level.on_axis().zeros());
+        let corners = self.glossy.corners.iter().filter_map(|corner| {
+            let half = self.wo + (*corner - self.position).normalized();
+            let [p, q] = [half.x / half.z, half.y / half.z];
+            (p.abs() * self.widths_per_slope(q) < reach).then_some(q)
+        });
+        let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
+        ends.extend(kinks.map(End::kink));
+    }
+
+    /// Takes passages for steps where that misses little and no line beside them lies in them. Leaves to
+    /// those that share no q with another passage the rule of three lines.
+    fn take_steps(&self, passages: &[Passage], ends: &mut [End]) {
+        for at in 0..ends.len() {
+            let Some(index) = ends[at].passage else {
+                continue;
+            };
+            let passage = passages[index];
+            let is_alone = |ends: &[End]| {
+                let next = ends.get(at + 1).and_then(|end| end.passage);
+                next == Some(index) && count_covering(passage.middle, passages) == 1
+            };
+            if at == 0 || !is_alone(ends) {
+                continue;
+            }
+            let Passage { middle, rate } = passage;
+            let clear = |piece: [f64; 2]| self.keeps_clear(piece, PASSAGE / rate);
+            let is_clear =
+                |[before, after]: [f64; 2]| clear([before, middle]) && clear([middle, after]);
+            let beside = ends.get(at + 2).map(|after| [ends[at - 1].q, after.q]);
+            if passage.is_step(self) && beside.is_some_and(is_clear) {
+                ends[at..at + 2].fill(End::kink(passage.middle));
+            }
+        }
+    }
+}
+
+/// How many passages go on at q.
+pub fn count_covering(q: f64, passages: &[Passage]) -> usize {
+    passages.iter().filter(|passage| passage.covers(q)).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::numerics::gauss::GaussRule;
+
+    /// The integral across a passage of `before` Phi(-z) + `after` Phi(z), where z bends.
+    fn across(rate: f64, points: impl Iterator<Item = (f64, f64)>) -> f64 {
+        let phi = |z: f64| 0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2);
+        points
+            .map(|(q, weight)| {
+                let z = rate * q * (1.0 + 0.7 * q);
+                weight * (libm::exp(q) * phi(-z) + (0.3 + libm::sin(2.0 * q)) * phi(z))
+            })
+            .sum()
+    }
+
+    #[test]
+    fn three_lines_miss_the_third_power() {
+        for rate in [30.0, 100.0, 300.0] {
+            let half = PASSAGE / rate;
+            let expected = across(rate, GaussRule::of(60).on(-half, half));
+            let rule = Passage::RULE.map(|[z, weight]| (z / rate, weight / rate));
+            let missed = (across(rate, rule.into_iter()) - expected).abs();
+            assert!(missed * rate * rate * rate < 4.0, "{rate}: {missed:e}");
+        }
+    }
+}
