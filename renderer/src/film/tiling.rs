@@ -25,6 +25,9 @@ const TILES_A_LOOK: usize = 32;
 /// digits. The next level follows at once. Chosen.
 const STUCK: f64 = 0.5;
 
+/// A tile that is left off by more than this many times what is allowed does not resolve the function. Chosen.
+const RESOLVED: f64 = 3.0;
+
 /// Points of a tile, -1 to 1 along each side. They lie between the lines of its nodes.
 const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
 
@@ -222,6 +225,14 @@ struct Rule {
     times: f64,
 }
 
+/// What a tile is off by.
+struct FitError {
+    /// In the mean over a pixel.
+    mean: f64,
+    /// At a point.
+    point: f64,
+}
+
 /// How hard to try, by what has been spent.
 #[derive(Clone, Copy, PartialEq)]
 enum Effort {
@@ -404,8 +415,11 @@ impl<S: Shade> Tiling<'_, S> {
             });
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
-        let fit_error = self.fit_error(&tile, &fit, &rule, &mut function);
-        if fit_error <= allowed || effort == Effort::None {
+        let FitError { mean, point } = self.fit_error(&tile, &fit, &rule, &mut function);
+        if mean <= allowed || effort == Effort::None {
+            // Where the function is not resolved, what a series misses is no ripple from node to node.
+            let is_resolved = mean <= RESOLVED * allowed;
+            let fit_error = if is_resolved { mean } else { point };
             let tile = Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
             return (tile, function.spent);
         }
@@ -426,15 +440,15 @@ impl<S: Shade> Tiling<'_, S> {
         (Growth::Pixel(*rectangle, parts), function.spent)
     }
 
-    /// What the means over pixels show to be off by on a tile: what its series leaves out, and what its
-    /// corners, sides and points between its nodes show.
+    /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
+    /// between its nodes show.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
         fit: &Fit,
         rule: &Rule,
         function: &mut Counted<'_, S>,
-    ) -> f64 {
+    ) -> FitError {
         let shares = &self.demand.shares;
         let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
         let left_out = tile.left_out_of_means(&columns, &rows);
@@ -459,10 +473,15 @@ impl<S: Shade> Tiling<'_, S> {
             apart = apart.max(off(value, at));
             missed = missed.max(largest_difference(value, function.at(at, check)));
         }
-        left_out
-            .max(shares.point * fit.error)
-            .max(shares.apart * mean_of_unlike(&tile.rectangle) * apart)
-            .max(rule.times * missed)
+        let missed = rule.times * missed;
+        let apart_in_mean = shares.apart * mean_of_unlike(&tile.rectangle) * apart;
+        FitError {
+            mean: left_out
+                .max(shares.point * fit.error)
+                .max(apart_in_mean)
+                .max(missed),
+            point: fit.error.max(apart).max(missed),
+        }
     }
 
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
