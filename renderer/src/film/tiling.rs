@@ -3,8 +3,8 @@
 //! The film is tiled by rectangles on each of which the function is a product of Chebyshev series,
 //! halved until what they leave out of the means over pixels vanishes against the target. A
 //! box-filtered pixel is then the integral of a polynomial, in closed form, and one that the outline
-//! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is integrated by adaptive
-//! quadrature.
+//! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is
+//! integrated by adaptive quadrature.
 
 use super::canvas::Canvas;
 use super::refine::{cut_out, refine, roots};

@@ -55,3 +55,48 @@ impl GlossyChart<'_> {
         (radiance, sums.evaluations + gathered as u32)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::PreparedView;
+    use crate::hybrid::reflected_chart::lit_chart::LitChart;
+    use crate::reflectance::Reflectance;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// Threads take points in any order, and the work counted decides where refining ends.
+    #[test]
+    fn a_point_does_not_depend_on_the_one_before() {
+        let specification = Specification::preset();
+        let material = specification.material(416).material;
+        let (mut used, mut dark) = (Scratch::default(), 0);
+        for view in [0, 5, 12] {
+            let scene = Scene::new(&specification, view, BackendChoice::Native)
+                .expect("a backend")
+                .expect("a scene");
+            let rotation = specification.views[view].rotation_deg;
+            let reflectance = Reflectance::new(&material, rotation, specification.tint);
+            let prepared = PreparedView::new(&scene, &specification).expect("a view for hybrid");
+            let Some(chart) = prepared.chart.as_ref() else {
+                continue;
+            };
+            let lit = LitChart::new(chart, 0.01, 1, |at| [1.0 + at[0], 0.5 + at[1], 0.7]);
+            let glossy = GlossyChart::new(&lit, &reflectance, prepared.view.instructions);
+            let tolerance = prepared.view.budget.glossy_rule;
+            for step in 0..400 {
+                let at = [f64::from(step % 20), f64::from(step / 20)].map(|at| 6.4 * at + 0.3);
+                let (position, wo) = prepared.view.sample_point(at);
+                if wo.z <= 0.0 {
+                    continue;
+                }
+                let again = glossy.reflected(position, wo, tolerance, &mut used);
+                let fresh = glossy.reflected(position, wo, tolerance, &mut Scratch::default());
+                assert_eq!(again, fresh, "{at:?} of view {view}");
+                dark += usize::from(fresh.0 == [0.0; 3]);
+            }
+        }
+        assert!(dark > 10, "{dark}");
+    }
+}

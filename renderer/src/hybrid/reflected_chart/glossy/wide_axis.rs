@@ -74,6 +74,8 @@ impl Point<'_> {
     /// Gathers the lines of the rule.
     pub fn gather(&self, scratch: &mut Scratch) {
         scratch.lines.clear();
+        // What the point before left would count as work of this one.
+        scratch.ends.clear();
         let [low, high] = self.extent();
         if low >= high {
             return;
