@@ -2,7 +2,7 @@
 
 use super::FilmPixel;
 use crate::numerics::channels::add_scaled;
-use crate::numerics::polygon::Rectangle;
+use crate::numerics::polygon::{Polygon, Rectangle};
 
 /// The film as it is summed up: row by row.
 pub struct Canvas<'a> {
@@ -33,5 +33,35 @@ impl Canvas<'_> {
         let pixel = &mut self.pixels[(row * self.width + column) as usize];
         add_scaled(&mut pixel.value, value, 1.0);
         pixel.error += error;
+    }
+}
+
+/// The largest channel of every pixel, row by row.
+pub struct Brightness {
+    width: u32,
+    pixels: Vec<f64>,
+}
+
+impl Brightness {
+    /// Of the film so far.
+    pub fn of(canvas: &Canvas<'_>) -> Self {
+        let brightest = |pixel: &FilmPixel| {
+            let [r, g, b] = pixel.value;
+            r.max(g).max(b)
+        };
+        Self {
+            width: canvas.width,
+            pixels: canvas.pixels.iter().map(brightest).collect(),
+        }
+    }
+
+    /// The least of the pixels of a rectangle that lie inside an outline.
+    pub fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
+        let least = rectangle
+            .pixels()
+            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
+            .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
+            .fold(f64::INFINITY, f64::min);
+        if least.is_finite() { least } else { 0.0 }
     }
 }

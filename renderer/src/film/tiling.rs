@@ -6,9 +6,9 @@
 //! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is
 //! integrated by adaptive quadrature.
 
-use super::canvas::Canvas;
+use super::canvas::{Brightness, Canvas};
 use super::refine::{cut_out, refine, roots};
-use super::{FilmPixel, pixel, target};
+use super::{pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
 use crate::numerics::polygon::{Polygon, Rectangle};
@@ -256,35 +256,6 @@ impl Effort {
     }
 }
 
-/// The largest channel of every pixel, row by row.
-struct Brightness {
-    width: u32,
-    pixels: Vec<f64>,
-}
-
-impl Brightness {
-    fn of(canvas: &Canvas<'_>) -> Self {
-        let brightest = |pixel: &FilmPixel| {
-            let [r, g, b] = pixel.value;
-            r.max(g).max(b)
-        };
-        Self {
-            width: canvas.width,
-            pixels: canvas.pixels.iter().map(brightest).collect(),
-        }
-    }
-
-    /// The least of the pixels of a rectangle that lie inside an outline.
-    fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
-        let least = rectangle
-            .pixels()
-            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
-            .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
-            .fold(f64::INFINITY, f64::min);
-        if least.is_finite() { least } else { 0.0 }
-    }
-}
-
 /// The function with a thread's buffers, and what it took.
 struct Counted<'a, S: Shade> {
     shade: &'a S,
@@ -474,7 +445,7 @@ impl<S: Shade> Tiling<'_, S> {
             missed = missed.max(largest_difference(value, function.at(at, check)));
         }
         let missed = rule.times * missed;
-        let apart_in_mean = shares.apart * mean_of_unlike(&tile.rectangle) * apart;
+        let apart_in_mean = shares.apart * tile.kept_in_means() * apart;
         FitError {
             mean: left_out
                 .max(shares.point * fit.error)
@@ -567,16 +538,6 @@ impl<S: Shade> Tiling<'_, S> {
         };
         allowed.max(faint) / self.gain
     }
-}
-
-/// The part of a difference found at a point that is left in the mean over a pixel's part of a tile: what a
-/// series misses changes its sign from node to node, so that a mean over as much as n gaps between nodes has
-/// the root of 1/n of it.
-fn mean_of_unlike(tile: &Rectangle) -> f64 {
-    let [columns, rows] = tile
-        .sides()
-        .map(|side| (TERMS as f64 * (1.0 / side).min(1.0)).max(1.0));
-    1.0 / (columns * rows).sqrt()
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a

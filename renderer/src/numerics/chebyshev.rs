@@ -244,6 +244,15 @@ impl<const TERMS: usize> Tile<TERMS> {
         LEFT_OUT * most
     }
 
+    /// The part of a difference found at a point that is left in the mean over a pixel's part of the tile. What a
+    /// series misses changes its sign from node to node, so a mean over n gaps between nodes keeps the root of
+    /// 1/n of it.
+    pub fn kept_in_means(&self) -> f64 {
+        let gaps = |side: f64| (TERMS as f64 * (1.0 / side).min(1.0)).max(1.0);
+        let [columns, rows] = self.rectangle.sides().map(gaps);
+        1.0 / (columns * rows).sqrt()
+    }
+
     /// How large the means of T_0, T_1, ... between neighbouring edges along an axis are.
     fn means(&self, axis: usize, edges: &[f64]) -> Vec<[f64; TERMS]> {
         let local: Vec<f64> = edges
