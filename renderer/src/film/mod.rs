@@ -1,6 +1,7 @@
 //! The film: pixel values with their estimated errors, and the rules that fill it.
 
 pub(crate) mod canvas;
+pub(crate) mod demand;
 pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 mod pixel;

@@ -20,9 +20,9 @@
 //! error of order 1 becomes in the higher orders is part of its share. What interreflection misses is a
 //! share of the light on the chart: of a pixel it takes no more than that share.
 
+use crate::film::demand::{self, FunctionError};
+use crate::film::log_tiling;
 use crate::film::target;
-use crate::film::tiling::FunctionError;
-use crate::film::{log_tiling, tiling};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use dataset::specification::Accuracy;
@@ -63,7 +63,7 @@ const FEATURES_PER_TILE: f64 = 3.0;
 /// The least length of a feature's tile in pixels. Chosen.
 const FEATURE_MIN: f64 = 4.0;
 
-/// How [`tiling`] divides what a tile may miss.
+/// How [`crate::film::tiling`] divides what a tile may miss.
 ///
 /// - `rule`: chosen.
 /// - `cross`, `point`: measured on twelve images with kinks at every pixel, against renderings to a fiftieth of the
@@ -75,7 +75,7 @@ const FEATURE_MIN: f64 = 4.0;
 ///   images had more than a hundredth of its pixels off by more than they state (measured: `survey` with `check`).
 /// - `unmet`: a rule that has not converged was off by up to 1.6 times its difference from the next (measured on one
 ///   specification).
-pub const TILING: tiling::Shares = tiling::Shares {
+pub const TILING: demand::Shares = demand::Shares {
     rule: 0.1,
     cross: 0.7,
     point: 0.05,

@@ -5,7 +5,8 @@ use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
-use crate::film::tiling::{Demand, Region, Shade, integrate};
+use crate::film::demand::Demand;
+use crate::film::tiling::{Region, Shade, integrate};
 use crate::numerics::tolerance::Tolerance;
 
 /// Adds the chart itself to the film.

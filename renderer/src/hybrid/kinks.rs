@@ -2,7 +2,8 @@
 
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
-use crate::film::tiling::{Demand, FunctionError, Region, Shade, integrate};
+use crate::film::demand::{Demand, FunctionError};
+use crate::film::tiling::{Region, Shade, integrate};
 use crate::film::{FilmPixel, target};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;

@@ -10,8 +10,9 @@ use super::budget::{LOG_TILING, TILING, tile_pixels};
 use super::view::View;
 use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
+use crate::film::demand::{Demand, FunctionError};
 use crate::film::log_tiling;
-use crate::film::tiling::{self, Demand, Region};
+use crate::film::tiling::{self, Region};
 use crate::reflectance::Reflectance;
 use bulb_on_film::BulbOffSample;
 
@@ -51,7 +52,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         feature: None,
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
-        function_error: tiling::FunctionError::default(),
+        function_error: FunctionError::default(),
         shares: TILING,
     };
     let regions = [Region {

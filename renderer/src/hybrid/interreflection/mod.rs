@@ -29,7 +29,7 @@ mod unresolved;
 use super::budget::interreflection::{HIGHER_SHARE, LEFT_OUT_SHARE, ORDER_1_SHARE};
 use super::chart_on_film::ChartOnFilm;
 use super::view::View;
-use crate::film::tiling::FunctionError;
+use crate::film::demand::FunctionError;
 use crate::numerics::channels::add_scaled;
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;

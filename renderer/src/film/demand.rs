@@ -1,0 +1,65 @@
+//! What a function of the film asks of its tiling.
+
+use crate::numerics::polygon::Rectangle;
+use crate::numerics::tolerance::Tolerance;
+use dataset::specification::Accuracy;
+
+/// How a tiling divides what a tile may miss, and what a tile states beyond what it shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Shares {
+    /// The share that the rule at a tile's middle may miss.
+    pub rule: f64,
+    /// What series along one row and one column of nodes leave out at a point counts by this share, before the
+    /// other nodes are worked out.
+    pub cross: f64,
+    /// A pixel's mean is taken to be off by at least this share of what the series of its tile leave out at a
+    /// point.
+    pub point: f64,
+    /// What a tile is off by at its rim and between its nodes, as far as means over pixels keep it, counts so many
+    /// times.
+    pub apart: f64,
+    /// A tile states this many times what it shows to be off by.
+    pub doubt: f64,
+    /// A rule states this many times its difference from the next finer one, where no work is left for
+    /// the rule that the tolerance asks for.
+    pub unmet: f64,
+}
+
+/// What a function may be off by that no rule shows: the smaller of the two, or the one that is a number.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FunctionError {
+    /// In units of white.
+    pub absolute: f64,
+    /// As a share of the function's largest channel.
+    pub relative: f64,
+}
+
+impl FunctionError {
+    /// Over an area on which the integral of the function is `value`.
+    pub(super) fn over(&self, area: f64, value: [f64; 3]) -> f64 {
+        let [r, g, b] = value;
+        let largest = r.max(g).max(b).max(0.0);
+        (self.absolute * area).min(self.relative * largest)
+    }
+}
+
+/// What a function asks of its tiling.
+pub struct Demand<'a> {
+    /// The target for what is added to a pixel.
+    pub accuracy: &'a Accuracy,
+    /// What is too faint to matter: its target after half of all evaluations are spent.
+    pub faint: f64,
+    /// The side in pixels of a tile whose nodes cannot miss a detail of the function, unless all of the
+    /// function is smaller: see `feature`.
+    pub side_max: f64,
+    /// Where the function is lit, if it may be dark elsewhere. Tiles are cut along its sides.
+    pub feature: Option<Rectangle>,
+    /// Evaluations after which nothing is refined any more.
+    pub evaluations_max: u64,
+    /// How fine the function is worked out.
+    pub tolerance: Tolerance,
+    /// What the function may be off by besides.
+    pub function_error: FunctionError,
+    /// How the error allowed is divided.
+    pub shares: Shares,
+}
