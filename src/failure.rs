@@ -62,6 +62,11 @@ fn message(error: &anyhow::Error) -> String {
 
 /// Whether another command line or another file would help.
 fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
+    #[cfg(feature = "training")]
+    if let Some(error) = cause.downcast_ref() {
+        use training::TrainingError::{Input, Manifest};
+        return matches!(error, Input(_) | Manifest(_));
+    }
     cause.is::<BadInput>()
         || cause.is::<SpecificationError>()
         || cause.is::<IndexListError>()
@@ -85,6 +90,7 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
             Some(
                 ExportError::NoSuchView { .. }
                     | ExportError::Occupied { .. }
+                    | ExportError::OtherTable { .. }
                     | ExportError::Rectify(_)
             )
         )

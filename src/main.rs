@@ -8,6 +8,10 @@ mod coordinator_serve;
 mod cores;
 mod credentials;
 mod dataset_command;
+#[cfg(feature = "training")]
+mod estimate;
+#[cfg(feature = "training")]
+mod evaluate;
 mod failure;
 mod farm_mode;
 mod jobs;
@@ -24,6 +28,8 @@ mod status;
 mod store_migrate;
 mod store_name;
 mod telemetry;
+#[cfg(feature = "training")]
+mod train;
 mod worker_connect;
 mod workers;
 
@@ -79,6 +85,12 @@ enum Command {
     Render(render::Options),
     Brdf(brdf::Options),
     Report(report::Options),
+    #[cfg(feature = "training")]
+    Train(train::Options),
+    #[cfg(feature = "training")]
+    Evaluate(evaluate::Options),
+    #[cfg(feature = "training")]
+    Estimate(Box<estimate::Options>),
     Completions(completions::Options),
 }
 
@@ -100,6 +112,12 @@ fn main() -> ExitCode {
         Command::Render(options) => render::execute(&options),
         Command::Brdf(options) => brdf::execute(&options),
         Command::Report(options) => report::execute(&options),
+        #[cfg(feature = "training")]
+        Command::Train(options) => train::execute(&options),
+        #[cfg(feature = "training")]
+        Command::Evaluate(options) => evaluate::execute(&options),
+        #[cfg(feature = "training")]
+        Command::Estimate(options) => estimate::execute(&options),
         Command::Completions(options) => completions::execute(&options),
     });
     failure::exit_code(outcome)

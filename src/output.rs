@@ -3,30 +3,14 @@
 use crate::failure::BadInput;
 use anyhow::Context;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// Writes a file that is there whole or not at all: beside its place first. What is no plain file,
-/// such as a device, is written to directly, since a rename would replace it.
-pub fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let plain = fs::symlink_metadata(path).map_or(true, |there| there.is_file());
-    let written = if plain {
-        let beside = beside(path);
-        let written = fs::write(&beside, bytes).and_then(|()| fs::rename(&beside, path));
-        if written.is_err() {
-            // The error that counts is the one before.
-            let _ = fs::remove_file(&beside);
-        }
-        written
-    } else {
-        fs::write(path, bytes)
-    };
-    written.with_context(|| format!("cannot write {}", path.display()))
-}
-
-fn beside(path: &Path) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(".new");
-    name.into()
+/// Makes the folder that `--out` names, before the work and not after it.
+pub fn make_folder(path: &Path) -> anyhow::Result<()> {
+    if fs::metadata(path).is_ok_and(|there| !there.is_dir()) {
+        return Err(BadInput(format!("--out {}: this is no folder", path.display())).into());
+    }
+    fs::create_dir_all(path).with_context(|| format!("cannot write to {}", path.display()))
 }
 
 /// The lower-case ending of the file's name that `option` gives, which has to be one of `known`.

@@ -7,6 +7,7 @@ use dataset::{
     Digest, Material,
     specification::{Accuracy, IntegratorKind, limits},
 };
+use export::file::write_bytes;
 use renderer::{Renderer, Rendering, geometry::BackendChoice};
 use serde::Serialize;
 use std::fs::File;
@@ -100,12 +101,12 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     }
     if let (Some(path), Some(kind)) = (&options.out, kind) {
         match kind {
-            OutputKind::Exr => output::write(path, &rendering.exr)?,
-            OutputKind::Png => output::write(path, &developed(&rendering, options.exposure)?)?,
+            OutputKind::Exr => write_bytes(path, &rendering.exr)?,
+            OutputKind::Png => write_bytes(path, &developed(&rendering, options.exposure)?)?,
         }
     }
     if let Some(path) = &options.error_out {
-        output::write(path, &renderer.encode_error(&rendering)?)?;
+        write_bytes(path, &renderer.encode_error(&rendering)?)?;
     }
     if options.json {
         print_json(digest, &rendering, &specification.accuracy)

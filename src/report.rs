@@ -2,12 +2,11 @@
 
 use crate::failure::BadInput;
 use crate::{cores, output, progress};
-use anyhow::Context;
 use clap::{Args, ValueEnum};
 use dataset::{IndexList, Specification, specification::IntegratorKind, specification::limits};
+use export::file::write_bytes;
 use report::Report;
 use report::plan::{NamedMaterial, Plan, Setting};
-use std::fs;
 use std::io::{self, Write};
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -141,22 +140,13 @@ fn parse_reference(text: &str) -> Result<f64, String> {
 /// Renders, measures and writes.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let plan = plan(options)?;
-    if fs::metadata(&options.out).is_ok_and(|there| !there.is_dir()) {
-        return Err(BadInput(format!(
-            "--out {}: this is no folder",
-            options.out.display()
-        ))
-        .into());
-    }
-    let cannot_write = || format!("cannot write to {}", options.out.display());
-    // Before the work, not after it.
-    fs::create_dir_all(&options.out).with_context(cannot_write)?;
+    output::make_folder(&options.out)?;
     let bar = progress::bar(plan.renderings(), "renderings");
     let report = Report::make(plan, &|| bar.inc(1));
     bar.finish_and_clear();
     let files = report?.files()?;
     for file in &files {
-        output::write(&options.out.join(file.name), file.text.as_bytes())?;
+        write_bytes(&options.out.join(file.name), file.text.as_bytes())?;
     }
     if let Some(page) = files.last() {
         writeln!(io::stdout(), "{}", options.out.join(page.name).display())?;

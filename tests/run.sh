@@ -12,7 +12,7 @@ tests/clients/install.sh
 log="$(mktemp)"
 trap 'rm -f "$log"' EXIT
 status=0
-cargo test --workspace --no-fail-fast "$@" 2>&1 | tee "$log" || status=$?
+cargo test --workspace --features training --no-fail-fast "$@" 2>&1 | tee "$log" || status=$?
 # cargo prints one line a test binary; this is their sum.
 awk '/^test result:/ { passed += $4; failed += $6; ignored += $8 }
      END { printf "%d passed, %d failed, %d skipped\n", passed, failed, ignored }' "$log"

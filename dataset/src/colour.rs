@@ -41,17 +41,38 @@ const XYZ_FROM_LINEAR: [[f64; 3]; 3] = [
     ],
 ];
 
+/// The inverse of [`XYZ_FROM_LINEAR`].
+const LINEAR_FROM_XYZ: [[f64; 3]; 3] = [
+    [
+        3.240_969_941_904_521_3,
+        -1.537_383_177_570_093_2,
+        -0.498_610_760_293_003_3,
+    ],
+    [
+        -0.969_243_636_280_879_7,
+        1.875_967_501_507_720_6,
+        0.041_555_057_407_175_605,
+    ],
+    [
+        0.055_630_079_696_993_615,
+        -0.203_976_958_888_976_57,
+        1.056_971_514_242_878_6,
+    ],
+];
+
 /// CIE XYZ of linear Rec.709; white, (1, 1, 1), is D65 with Y = 1.
 pub fn xyz_from_linear([r, g, b]: [f64; 3]) -> [f64; 3] {
     XYZ_FROM_LINEAR.map(|[x, y, z]| x * r + y * g + z * b)
 }
 
+/// Where the cube root of CIELAB's response begins: (6/29)^3 of white. Below, it goes on as its
+/// tangent.
+const KNEE: f64 = 6.0 / 29.0;
+
 /// CIELAB (L*, a*, b*) of linear Rec.709 relative to D65 (CIE 15:2004, section 8.2.1). White is
 /// (100, 0, 0), black (0, 0, 0).
 pub fn lab_from_linear(rgb: [f64; 3]) -> [f64; 3] {
-    // The cube root, continued below (6/29)^3 by its tangent.
     fn response(ratio: f64) -> f64 {
-        const KNEE: f64 = 6.0 / 29.0;
         if ratio > KNEE * KNEE * KNEE {
             libm::cbrt(ratio)
         } else {
@@ -61,6 +82,23 @@ pub fn lab_from_linear(rgb: [f64; 3]) -> [f64; 3] {
     let (white, colour) = (xyz_from_linear([1.0; 3]), xyz_from_linear(rgb));
     let [x, y, z] = std::array::from_fn(|axis| response(colour[axis] / white[axis]));
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+/// Linear Rec.709 of CIELAB relative to D65: the inverse of [`lab_from_linear`]. Colours outside
+/// the gamut have channels below 0 or above 1.
+pub fn linear_from_lab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
+    fn ratio(response: f64) -> f64 {
+        if response > KNEE {
+            response * response * response
+        } else {
+            (response - 4.0 / 29.0) * (3.0 * KNEE * KNEE)
+        }
+    }
+    let white = xyz_from_linear([1.0; 3]);
+    let y = (lightness + 16.0) / 116.0;
+    let responses = [y + a / 500.0, y, y - b / 200.0];
+    let xyz: [f64; 3] = std::array::from_fn(|axis| ratio(responses[axis]) * white[axis]);
+    LINEAR_FROM_XYZ.map(|[x, y, z]| x * xyz[0] + y * xyz[1] + z * xyz[2])
 }
 
 /// Uniform bins that each parameter is classified into.
@@ -117,6 +155,22 @@ mod tests {
         assert_near(lab_from_linear([0.0; 3]), [0.0; 3], 1e-13);
         // L* of 18 percent grey: 116 cbrt(0.18) - 16.
         assert_near(lab_from_linear([0.18; 3]), [49.496_108, 0.0, 0.0], 1e-6);
+    }
+
+    #[test]
+    fn lab_decodes_as_it_was_encoded() {
+        for red in 0..=20 {
+            for green in 0..=20 {
+                for blue in 0..=20 {
+                    // Cubes, so that dark colours below the knee are among them.
+                    let rgb = [red, green, blue].map(|step| {
+                        let fraction = f64::from(step) / 20.0;
+                        fraction * fraction * fraction
+                    });
+                    assert_near(linear_from_lab(lab_from_linear(rgb)), rgb, 1e-14);
+                }
+            }
+        }
     }
 
     #[test]

@@ -7,15 +7,20 @@
 use rand_chacha::{ChaCha20Rng, rand_core::SeedableRng};
 
 /// What randomness is for: the first 24 bytes of a key.
-#[derive(Clone, Copy)]
-pub(crate) struct Purpose(pub [u8; 24]);
+#[derive(Clone, Copy, Debug)]
+pub struct Purpose(pub [u8; 24]);
 
-/// The keystream of a purpose, at its beginning.
-pub(crate) fn keystream(seed: u64, purpose: Purpose, stream: u64) -> ChaCha20Rng {
+/// The key of a purpose.
+pub fn key(seed: u64, purpose: Purpose) -> [u8; 32] {
     let mut key = [0; 32];
     key[..24].copy_from_slice(&purpose.0);
     key[24..].copy_from_slice(&seed.to_le_bytes());
-    let mut rng = ChaCha20Rng::from_seed(key);
+    key
+}
+
+/// The keystream of a purpose, at its beginning.
+pub(crate) fn keystream(seed: u64, purpose: Purpose, stream: u64) -> ChaCha20Rng {
+    let mut rng = ChaCha20Rng::from_seed(key(seed, purpose));
     rng.set_stream(stream);
     rng
 }

@@ -7,6 +7,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`specification`] | reading, checking, writing and hashing what decides a dataset |
+//! | [`keystream`] | randomness by seed, purpose and place |
 //! | [`sobol`] | the ten coordinates of a material: an Owen-scrambled Sobol sequence |
 //! | [`colour`] | sRGB, linear Rec.709, CIELAB, and the bins that parameters are classified into |
 //! | [`view`] | where camera and bulb stand; the map from the film to the sample |
@@ -17,7 +18,7 @@ mod digest;
 mod hard_cases;
 mod image_label;
 mod index_list;
-mod keystream;
+pub mod keystream;
 pub mod manifest;
 mod material;
 mod sampling;

@@ -51,6 +51,17 @@ pub enum ExportError {
         /// What is there.
         found: String,
     },
+    /// Another table of observability is there, or something else.
+    #[error("{} holds {found}: remove it, or choose another --out", path.display())]
+    OtherTable {
+        /// The table, or the folder of its parts.
+        path: PathBuf,
+        /// What is there.
+        found: String,
+    },
+    /// A part of a table was damaged or removed meanwhile.
+    #[error("{}: this part is damaged or missing: run the same command again", .0.display())]
+    Part(PathBuf),
     /// The disk has too little room.
     #[error(
         "the export needs up to {needed_bytes} bytes, and {} has {free_bytes} free: make room, \

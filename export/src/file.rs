@@ -1,6 +1,7 @@
 //! Files that are there whole or not at all.
 
-use coordinator::FileError;
+pub use coordinator::FileError;
+
 use std::{
     fs::{self, File},
     io::{self, BufWriter, Write},
@@ -12,17 +13,14 @@ use std::{
 const WRITE_BYTES: usize = 256 << 10;
 
 /// The name that a file has until it is whole.
-pub(crate) fn beside(path: &Path) -> PathBuf {
+pub fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".new");
     name.into()
 }
 
 /// For `map_err`: puts action and path to what the system said.
-pub(crate) fn unable(
-    action: &'static str,
-    path: &Path,
-) -> impl FnOnce(io::Error) -> FileError + use<> {
+pub fn unable(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FileError + use<> {
     let path = path.to_owned();
     move |source| FileError {
         action,
@@ -33,7 +31,10 @@ pub(crate) fn unable(
 
 /// Has `write` write a file, which appears under its name when it is whole and durable. What is no
 /// plain file, such as a device or a pipe, is written to directly: a rename would replace it.
-pub(crate) fn write_whole<T, E: From<FileError>>(
+///
+/// # Errors
+/// That of `write`, or that the file cannot be written. Whatever had its name before is still there.
+pub fn write_whole<T, E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,
 ) -> Result<T, E> {
@@ -63,9 +64,22 @@ pub(crate) fn write_whole<T, E: From<FileError>>(
     written
 }
 
-/// Writes bytes the same way.
-pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+/// Writes bytes as [`write_whole`] does.
+///
+/// # Errors
+/// When the file cannot be written. Whatever had its name before is still there.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     write_whole(path, |file| {
         file.write_all(bytes).map_err(unable("write", path))
     })
+}
+
+/// Syncs a folder, so that names that were given in it survive a power loss.
+///
+/// # Errors
+/// When the system would not.
+pub fn sync_folder(path: &Path) -> Result<(), FileError> {
+    File::open(path)
+        .and_then(|folder| folder.sync_all())
+        .map_err(unable("sync", path))
 }

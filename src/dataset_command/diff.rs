@@ -1,10 +1,10 @@
 //! `brdfarm dataset diff`.
 
-use crate::output;
 use crate::plural::count;
 use clap::Args;
 use coordinator::StoreName;
 use export::diff::diff;
+use export::file::write_bytes;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     if let Some(path) = &options.report {
         let mut json = serde_json::to_vec_pretty(&found)?;
         json.push(b'\n');
-        output::write(path, &json)?;
+        write_bytes(path, &json)?;
     }
     let mut out = io::stdout();
     writeln!(out, "{} in both", count(found.in_both, "image"))?;

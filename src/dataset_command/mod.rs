@@ -5,6 +5,8 @@ mod export;
 mod gc;
 mod import;
 mod manifest;
+#[cfg(feature = "training")]
+mod observability;
 mod repair;
 mod rerender;
 pub mod show;
@@ -30,6 +32,8 @@ pub enum Command {
     Diff(diff::Options),
     Stats(stats::Options),
     Show(show::Options),
+    #[cfg(feature = "training")]
+    Observability(observability::Options),
     Specification(specification::Options),
 }
 
@@ -55,6 +59,8 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Diff(options) => diff::execute(options),
         Command::Stats(options) => stats::execute(options),
         Command::Show(options) => show::execute(options),
+        #[cfg(feature = "training")]
+        Command::Observability(options) => observability::execute(options),
         Command::Specification(options) => specification::execute(options),
     }
 }

@@ -2,10 +2,11 @@
 
 use super::{StoreOptions, verify::CheckOptions};
 use crate::plural::count;
-use crate::{output, progress};
+use crate::progress;
 use clap::Args;
 use coordinator::WritableStore;
 use coordinator::repair::{Outcome, repair};
+use export::file::write_bytes;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
@@ -49,7 +50,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     if let Some(path) = &options.report {
         let mut json = serde_json::to_vec_pretty(&repairs)?;
         json.push(b'\n');
-        output::write(path, &json)?;
+        write_bytes(path, &json)?;
     }
     let mut out = io::stdout();
     let mut failed = 0;

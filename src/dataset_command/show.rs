@@ -7,6 +7,7 @@ use anyhow::Context;
 use clap::Args;
 use coordinator::ReadOnlyStore;
 use dataset::IndexList;
+use export::file::write_bytes;
 use renderer::decode_exr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -61,7 +62,10 @@ pub fn write_sheet(
     exposure_stops: f64,
     path: &Path,
 ) -> anyhow::Result<()> {
-    output::write(path, &sheet(store, materials, views, exposure_stops)?)
+    Ok(write_bytes(
+        path,
+        &sheet(store, materials, views, exposure_stops)?,
+    )?)
 }
 
 /// Such a sheet as PNG.

@@ -3,10 +3,11 @@
 use super::{StoreOptions, rerender::Again};
 use crate::failure::BadInput;
 use crate::plural::count;
-use crate::{cores, output, progress};
+use crate::{cores, progress};
 use clap::Args;
 use coordinator::verify::{Checks, Fault, Report, verify};
 use coordinator::{FileError, ReadOnlyStore};
+use export::file::write_bytes;
 use export::manifest::check::{RowFault, check_manifest};
 use renderer::geometry::BackendChoice;
 use serde::Serialize;
@@ -112,7 +113,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         };
         let mut json = serde_json::to_vec_pretty(&full)?;
         json.push(b'\n');
-        output::write(path, &json)?;
+        write_bytes(path, &json)?;
     }
     let mut out = io::stdout();
     let outcome = tell(&store, &report, &mut out);

@@ -1,5 +1,6 @@
 //! Any image again, on a machine that has the program and a manifest and nothing else.
 
+use crate::small::rendered;
 use crate::workplace::Workplace;
 use serde_json::Value;
 use std::fs;
@@ -9,7 +10,7 @@ const ROWS: usize = 100;
 
 #[test]
 fn a_hundred_random_rows_render_again_from_a_manifest_alone() {
-    let farm = Workplace::rendered(12);
+    let farm = rendered(12);
     farm.succeed("dataset manifest export --format parquet --out manifest.parquet");
     farm.succeed("dataset manifest export --format jsonl --out manifest.jsonl");
 
@@ -39,7 +40,7 @@ fn a_hundred_random_rows_render_again_from_a_manifest_alone() {
 
 #[test]
 fn what_leaves_a_store_makes_the_same_store_elsewhere() {
-    let farm = Workplace::rendered(3);
+    let farm = rendered(3);
     let manifests = |place: &Workplace| {
         ["parquet", "csv", "jsonl"].map(|format| {
             place.succeed(&format!(

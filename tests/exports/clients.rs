@@ -1,12 +1,13 @@
 //! The exports, opened by the loaders that readers have: `tests/clients/install.sh` installs them.
 
-use crate::workplace::{Workplace, python};
+use crate::readers::python;
+use crate::small::rendered;
 use std::fs;
 use std::path::Path;
 
 #[test]
 fn stock_loaders_find_the_labels_splits_and_pixels() {
-    let place = Workplace::rendered(12);
+    let place = rendered(12);
     for format in ["parquet", "csv", "jsonl"] {
         place.succeed(&format!(
             "dataset manifest export --format {format} --out manifest.{format}"
@@ -25,7 +26,7 @@ fn stock_loaders_find_the_labels_splits_and_pixels() {
 
 #[test]
 fn the_example_loads_training_pairs() {
-    let place = Workplace::rendered(12);
+    let place = rendered(12);
     place.succeed("dataset export pairs --layout files --views 5,8 --split train --rectified 64");
     let said = python(&place, "examples/load.py", &["pairs"]);
     let pairs: Vec<&str> = said

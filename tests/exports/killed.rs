@@ -1,7 +1,7 @@
 //! An export killed at any instant goes on with the same command and ends the same.
 
 use crate::folder::files_below;
-use crate::workplace::Workplace;
+use crate::small::rendered;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 #[test]
 fn an_export_killed_at_any_instant_goes_on_and_ends_the_same() {
-    let place = Workplace::rendered(6);
+    let place = rendered(6);
     for layout in ["files", "webdataset", "huggingface"] {
         let export =
             |folder: &str| format!("dataset export {folder} --layout {layout} --npy --png");

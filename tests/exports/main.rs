@@ -8,6 +8,10 @@ mod clients;
 #[path = "../folder/mod.rs"]
 mod folder;
 mod killed;
+#[path = "../readers/mod.rs"]
+mod readers;
 mod rectified;
+mod small;
 mod upkeep;
+#[path = "../workplace/mod.rs"]
 mod workplace;

@@ -1,5 +1,6 @@
 //! `verify`, `repair` and `gc` on a store of real images.
 
+use crate::small::rendered;
 use crate::workplace::Workplace;
 use coordinator::acceptance::expected_headers;
 use coordinator::{ReadOnlyStore, Store};
@@ -73,7 +74,7 @@ fn blacken(place: &Workplace, material: u32, view: u32) {
 
 #[test]
 fn faults_are_reported_for_machines_and_repaired_to_the_digests_of_before() {
-    let place = Workplace::rendered(3);
+    let place = rendered(3);
     let before = manifest(&place);
     fs::remove_file(image(&place, 0, 4)).unwrap();
     change(&image(&place, 1, 7), |bytes| {
@@ -137,7 +138,7 @@ fn faults_are_reported_for_machines_and_repaired_to_the_digests_of_before() {
 
 #[test]
 fn a_manifest_edited_by_hand_is_named_and_other_stores_are_compared() {
-    let place = Workplace::rendered(2);
+    let place = rendered(2);
     let edited = String::from_utf8(manifest(&place)).unwrap().replacen(
         "\"tint\":\"hue\"",
         "\"tint\":\"product\"",

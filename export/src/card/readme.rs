@@ -247,6 +247,8 @@ fn write_limits(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
          chart. That is the set-up, not a fault.\n- At anisotropy 0 the angle means nothing; near \
          it, little.\n- Up to a roughness of 90 and with the tint `hue`, a common factor of both \
          reflectance colours changes no image: it cannot be estimated. (This set's tint is `{}`.)\n\
+         - Other parameters cannot be estimated in some materials and views either. `brdfarm \
+         dataset observability` (feature `training`) says which, with Cramer-Rao bounds.\n\
          - The paper gives no distances, turns, resolution or place of the chart: they are ours, \
          and stand in `specification.toml`.\n- The samples are flat and homogeneous, and the \
          surroundings black.\n",

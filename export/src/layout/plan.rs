@@ -5,8 +5,9 @@ use super::{
     place::{Place, READ_BYTES_MAX},
 };
 use crate::error::ExportError;
+use crate::plan_difference::difference;
 use dataset::{Digest, Split};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::collections::HashMap;
 
 /// The file that says what an export is to be.
@@ -125,7 +126,7 @@ impl Plan {
         match place.read(PLAN_FILE)? {
             Some(found) if found == self.description.as_bytes() => Ok(()),
             Some(found) if found.len() as u64 <= READ_BYTES_MAX => {
-                Err(occupied(self.difference(&found)))
+                Err(occupied(difference(&found, &self.description, "export")))
             }
             Some(_) => Err(occupied("another export".to_owned())),
             None => {
@@ -137,27 +138,6 @@ impl Plan {
                 }
             }
         }
-    }
-
-    /// Which export it is instead.
-    fn difference(&self, found: &[u8]) -> String {
-        let parsed = |text: &[u8]| serde_json::from_slice::<Value>(text).ok();
-        let (Some(Value::Object(found)), Some(Value::Object(wanted))) =
-            (parsed(found), parsed(self.description.as_bytes()))
-        else {
-            return "another export".to_owned();
-        };
-        // Other images follow from everything else, so they are named last.
-        let mut different: Vec<_> = wanted
-            .iter()
-            .filter(|(key, value)| found.get(*key) != Some(value))
-            .collect();
-        different.sort_by_key(|(key, _)| key.as_str() == "images");
-        let different = different.first();
-        different.map_or("another export".to_owned(), |(key, value)| {
-            let found = found.get(key.as_str()).unwrap_or(&Value::Null);
-            format!("another export, of {key} {found} where {value} is wanted")
-        })
     }
 
     /// The path of each material's unit.

@@ -11,7 +11,7 @@ use arrow_array::{
 use arrow_schema::{DataType, Field, Schema};
 use coordinator::ReadOnlyStore;
 use dataset::{
-    RENDERER_VERSION,
+    RENDERER_VERSION, Specification,
     manifest::{Column, Kind, Row, Value, columns},
 };
 use parquet::{
@@ -79,21 +79,33 @@ impl Rows {
 
 /// How Parquet of a store is written, and what its metadata say of the dataset.
 pub(crate) fn properties(store: &ReadOnlyStore) -> WriterProperties {
-    let specification = store.specification();
+    properties_of(store.specification(), &[])
+}
+
+/// The same for a specification without a store, with more metadata: keys and values.
+pub(crate) fn properties_of(
+    specification: &Specification,
+    more: &[(&str, &str)],
+) -> WriterProperties {
     let entry = |key: &str, value: String| KeyValue::new(key.to_owned(), value);
+    let mut entries = vec![
+        entry("brdfarm.dataset", specification.name.clone()),
+        entry(SPECIFICATION_KEY, specification.to_json()),
+        entry(
+            "brdfarm.specification_hash",
+            specification.hash().to_string(),
+        ),
+        entry("brdfarm.renderer_version", RENDERER_VERSION.to_owned()),
+    ];
+    let more = more
+        .iter()
+        .map(|(key, value)| entry(key, (*value).to_owned()));
+    entries.extend(more);
     WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
         .set_max_row_group_row_count(Some(ROW_GROUP_ROWS))
         .set_created_by(concat!("brdfarm ", env!("CARGO_PKG_VERSION")).to_owned())
-        .set_key_value_metadata(Some(vec![
-            entry("brdfarm.dataset", specification.name.clone()),
-            entry(SPECIFICATION_KEY, specification.to_json()),
-            entry(
-                "brdfarm.specification_hash",
-                store.specification_hash().to_string(),
-            ),
-            entry("brdfarm.renderer_version", RENDERER_VERSION.to_owned()),
-        ]))
+        .set_key_value_metadata(Some(entries))
         .build()
 }
 

@@ -105,16 +105,20 @@ pub fn read_specification(path: &Path) -> Result<Specification, ReadError> {
         path: path.to_owned(),
         reason,
     };
-    let builder = open_parquet(path)?;
-    let entries = builder.metadata().file_metadata().key_value_metadata();
-    let json = entries
-        .and_then(|entries| entries.iter().find(|entry| entry.key == SPECIFICATION_KEY))
-        .and_then(|entry| entry.value.as_deref())
+    let json = read_metadata(path, SPECIFICATION_KEY)?
         .ok_or_else(|| damaged("it carries no specification".to_owned()))?;
-    Specification::from_json(json).map_err(|source| ReadError::Specification {
+    Specification::from_json(&json).map_err(|source| ReadError::Specification {
         path: path.to_owned(),
         source: Box::new(source),
     })
+}
+
+/// The value of a key of a Parquet file's metadata; `None` where it has none.
+pub(crate) fn read_metadata(path: &Path, key: &str) -> Result<Option<String>, ReadError> {
+    let builder = open_parquet(path)?;
+    let entries = builder.metadata().file_metadata().key_value_metadata();
+    let entry = entries.and_then(|entries| entries.iter().find(|entry| entry.key == key));
+    Ok(entry.and_then(|entry| entry.value.clone()))
 }
 
 fn bad_row(path: &Path, row: u64, reason: impl ToString) -> ReadError {
@@ -289,9 +293,24 @@ fn read_parquet<E: From<ReadError>>(
     path: &Path,
     take: &mut impl FnMut(u64, Row) -> Result<(), E>,
 ) -> Result<(), E> {
+    let mut number = 0;
+    each_batch(path, |batch| {
+        for place in 0..batch.num_rows() {
+            number += 1;
+            let row = row_of_batch(batch, place).map_err(|reason| bad_row(path, number, reason))?;
+            take(number, row)?;
+        }
+        Ok(())
+    })
+}
+
+/// Hands all rows of a Parquet file to `take`, some at a time, in order.
+pub(crate) fn each_batch<E: From<ReadError>>(
+    path: &Path,
+    mut take: impl FnMut(&RecordBatch) -> Result<(), E>,
+) -> Result<(), E> {
     let builder = open_parquet(path)?;
     let mut batches = guarded(path, || builder.with_batch_size(BATCH_ROWS).build())?;
-    let mut number = 0;
     loop {
         let next = guarded(path, || {
             batches
@@ -299,15 +318,9 @@ fn read_parquet<E: From<ReadError>>(
                 .transpose()
                 .map_err(|error| ParquetError::External(Box::new(error)))
         })?;
-        let Some(batch) = next else { break };
-        for place in 0..batch.num_rows() {
-            number += 1;
-            let row =
-                row_of_batch(&batch, place).map_err(|reason| bad_row(path, number, reason))?;
-            take(number, row)?;
-        }
+        let Some(batch) = next else { return Ok(()) };
+        take(&batch)?;
     }
-    Ok(())
 }
 
 fn row_of_batch(batch: &RecordBatch, place: usize) -> Result<Row, String> {

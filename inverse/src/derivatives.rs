@@ -1,0 +1,253 @@
+//! Derivatives of every pixel of a view by the ten parameters, with stated errors.
+//!
+//! They are difference quotients over two steps, the first twice the second, and Richardson's
+//! extrapolation of both. At the ends of ranges, and at R = 90 where the model has a kink, they are
+//! taken to one side. The renderer is adaptive, so its error is not a smooth function of the
+//! material: `steps.rs` says how steps are chosen.
+
+use crate::encoding::Encoding;
+use crate::error::InverseError;
+use crate::observation::check_views;
+use crate::parameters::{PARAMETERS, Theta};
+use crate::steps::{self, Point};
+use dataset::{Material, Specification, sin_cos_deg};
+use renderer::{Renderer, film::FilmPixel, geometry::BackendChoice};
+
+/// How many renderings of each view [`Differentiator::views`] takes at most.
+pub const RENDERINGS_MAX: usize = steps::RENDERINGS_MAX;
+
+/// One value for each channel of each pixel: height x width, row by row, row 0 at the top.
+pub type ImageOfChannels = Vec<[f64; 3]>;
+
+/// Differentiates images of materials under one specification.
+#[derive(Debug)]
+pub struct Differentiator {
+    specification: Specification,
+    renderer: Renderer,
+}
+
+/// The derivatives of one view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewDerivatives {
+    /// The view's index.
+    pub view: u32,
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// The pixels themselves, linear, in units of white.
+    pub pixels: ImageOfChannels,
+    /// The derivatives by each parameter over its range, in units of white.
+    pub by: [ParameterDerivative; PARAMETERS],
+}
+
+/// The derivatives of a view's pixels by one parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterDerivative {
+    /// The derivatives.
+    pub values: ImageOfChannels,
+    /// By how much the quotients of the two steps differ. Over an image its norm estimates the
+    /// derivatives' error: both what differences leave out and what the renderings are off by.
+    pub disagreements: ImageOfChannels,
+    /// Bounds of the error: the disagreement, and the renderings' stated errors over the step.
+    /// Renderings are off by a fiftieth of what they state in the mean, so these are wide. Infinite
+    /// where the derivative does not exist: by the colours at black under `hue`.
+    pub errors: ImageOfChannels,
+}
+
+impl Differentiator {
+    /// Prepares all views of `specification`, whose accuracy the renderings have. The preset's
+    /// suits information and weights. Where views show the colour chart, a tenth of it takes twenty times
+    /// as long.
+    ///
+    /// # Errors
+    /// When the backend is not to be had.
+    pub fn new(
+        specification: &Specification,
+        backend: BackendChoice,
+    ) -> Result<Self, InverseError> {
+        Ok(Self {
+            renderer: Renderer::new(specification, backend)?,
+            specification: specification.clone(),
+        })
+    }
+
+    /// The derivatives of these views of `material`. It takes at most [`RENDERINGS_MAX`] renderings
+    /// of each view.
+    ///
+    /// # Errors
+    /// When a view does not exist or comes twice, there is none, or a parameter lies outside the
+    /// model.
+    pub fn views(
+        &self,
+        material: &Material,
+        views: &[u32],
+    ) -> Result<Vec<ViewDerivatives>, InverseError> {
+        check_views(&self.specification, views)?;
+        material.check()?;
+        let theta = Theta::of(material);
+        let base = self.render(&theta, views)?;
+        let mut columns: Vec<Vec<ParameterDerivative>> = vec![Vec::new(); views.len()];
+        for parameter in 0..PARAMETERS {
+            let by_view = self.by(&theta, parameter, views, &base)?;
+            for (column, derivative) in columns.iter_mut().zip(by_view) {
+                column.push(derivative);
+            }
+        }
+        let image = &self.specification.image;
+        let assembled = views.iter().zip(&base).zip(columns);
+        Ok(assembled
+            .map(|((&view, film), column)| ViewDerivatives {
+                view,
+                width: image.width,
+                height: image.height,
+                pixels: film.iter().map(|pixel| pixel.value).collect(),
+                by: column
+                    .try_into()
+                    .unwrap_or_else(|_| unreachable!("the loop has a turn for each parameter")),
+            })
+            .collect())
+    }
+
+    /// The films of all views.
+    fn render(&self, theta: &Theta, views: &[u32]) -> Result<Vec<Vec<FilmPixel>>, InverseError> {
+        let material = theta.material();
+        views
+            .iter()
+            .map(|&view| Ok(self.renderer.render(&material, None, view)?.film.pixels))
+            .collect()
+    }
+
+    /// The derivatives of all views by one parameter. `base` holds the films of the material itself.
+    fn by(
+        &self,
+        theta: &Theta,
+        parameter: usize,
+        views: &[u32],
+        base: &[Vec<FilmPixel>],
+    ) -> Result<Vec<ParameterDerivative>, InverseError> {
+        let cosines = views.iter().filter_map(|&view| {
+            let view = self.specification.views.get(view as usize)?;
+            Some(sin_cos_deg(view.camera_elevation_deg).0)
+        });
+        let cosines: Vec<f64> = cosines.collect();
+        let Specification { tint, accuracy, .. } = &self.specification;
+        let share = steps::share(accuracy);
+        let Some(stencil) = steps::stencil(theta, parameter, &cosines, *tint, share) else {
+            return Ok(base.iter().map(|film| nonexistent(film.len())).collect());
+        };
+        let mut sums: Vec<Vec<Sums>> = base
+            .iter()
+            .map(|film| vec![Sums::default(); film.len()])
+            .collect();
+        for point in &stencil.points {
+            let rendered = match point.is_base {
+                true => None,
+                false => Some(self.render(&point.theta, views)?),
+            };
+            let films = rendered.as_deref().unwrap_or(base);
+            for (sums, film) in sums.iter_mut().zip(films) {
+                for (sum, pixel) in sums.iter_mut().zip(film) {
+                    sum.add(point, pixel);
+                }
+            }
+        }
+        Ok(sums.iter().map(|sums| derivative(sums)).collect())
+    }
+}
+
+/// The sums of one pixel over a stencil.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    coarse: [f64; 3],
+    fine: [f64; 3],
+    stated: f64,
+}
+
+impl Sums {
+    fn add(&mut self, point: &Point, pixel: &FilmPixel) {
+        for channel in 0..3 {
+            self.coarse[channel] += point.coarse * pixel.value[channel];
+            self.fine[channel] += point.fine * pixel.value[channel];
+        }
+        self.stated += point.weight().abs() * pixel.error;
+    }
+}
+
+fn derivative(sums: &[Sums]) -> ParameterDerivative {
+    let image = |channel_of: &dyn Fn(&Sums, usize) -> f64| -> ImageOfChannels {
+        let pixel = |sum: &Sums| std::array::from_fn(|channel| channel_of(sum, channel));
+        sums.iter().map(pixel).collect()
+    };
+    let disagreement = |sum: &Sums, channel: usize| (sum.fine[channel] - sum.coarse[channel]).abs();
+    ParameterDerivative {
+        values: image(&|sum, channel| (4.0 * sum.fine[channel] - sum.coarse[channel]) / 3.0),
+        disagreements: image(&disagreement),
+        errors: image(&|sum, channel| disagreement(sum, channel) + sum.stated),
+    }
+}
+
+fn nonexistent(pixels: usize) -> ParameterDerivative {
+    ParameterDerivative {
+        values: vec![[0.0; 3]; pixels],
+        disagreements: vec![[f64::INFINITY; 3]; pixels],
+        errors: vec![[f64::INFINITY; 3]; pixels],
+    }
+}
+
+impl ViewDerivatives {
+    /// Multiplies pixels and derivatives by a gain for each channel.
+    pub(crate) fn expose(&mut self, gain: [f64; 3]) {
+        self.each_image(&|_, value| {
+            for (channel, gain) in value.iter_mut().zip(gain) {
+                *channel *= gain;
+            }
+        });
+    }
+
+    /// Makes pixels that do not count black, so that they depend on nothing.
+    pub(crate) fn blacken(&mut self, counts: &[bool]) {
+        self.each_image(&|pixel, value| {
+            if !counts[pixel] {
+                *value = [0.0; 3];
+            }
+        });
+    }
+
+    fn each_image(&mut self, change: &dyn Fn(usize, &mut [f64; 3])) {
+        let by = self.by.iter_mut().flat_map(|derivative| {
+            [
+                &mut derivative.values,
+                &mut derivative.disagreements,
+                &mut derivative.errors,
+            ]
+        });
+        for image in by.chain([&mut self.pixels]) {
+            let pixels = image.iter_mut().enumerate();
+            pixels.for_each(|(pixel, value)| change(pixel, value));
+        }
+    }
+
+    /// The derivatives of the encoded pixels by one parameter, 0 to 9, and how far the two steps'
+    /// quotients differ, encoded too: pairs for each channel, pixel by pixel.
+    pub fn encoded(
+        &self,
+        parameter: usize,
+        encoding: Encoding,
+    ) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let ParameterDerivative {
+            values,
+            disagreements,
+            ..
+        } = &self.by[parameter];
+        let images = self.pixels.iter().zip(values).zip(disagreements);
+        images.flat_map(move |((pixel, value), disagreement)| {
+            [0, 1, 2].map(|channel| {
+                let slope = encoding.derivative(pixel[channel]);
+                // A clipped channel does not depend on anything, even where the derivative does not exist.
+                let scaled = |number: f64| if slope == 0.0 { 0.0 } else { slope * number };
+                [scaled(value[channel]), scaled(disagreement[channel])]
+            })
+        })
+    }
+}

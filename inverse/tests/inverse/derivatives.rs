@@ -1,0 +1,339 @@
+//! Derivatives against differences of other steps and orders, and what they tell.
+
+use crate::scene::{BACKEND, films, preset};
+use dataset::{HARD_CASES, Material, Specification, colour};
+use inverse::{Differentiator, Encoding, Information, NAMES, PARAMETERS, Theta, ViewDerivatives};
+use renderer::Renderer;
+
+/// Derivatives that count: those above this, in units of white.
+const NOTABLE: f64 = 1e-4;
+
+/// A view without the colour chart, where tight accuracies are cheap: camera at 60 degrees, light
+/// overhead.
+const WITHOUT_CHART: u32 = 12;
+
+/// Camera and light overhead: it looks straight at the highlight of the smoothest.
+const HIGHLIGHT: u32 = 13;
+
+/// The difference quotients of three steps, each half of the one before, and the extrapolation of
+/// all: central ones where the range allows them, else to one side.
+fn reference(
+    renderer: &Renderer,
+    material: &Material,
+    view: u32,
+    parameter: usize,
+    step: f64,
+) -> Vec<[f64; 3]> {
+    let theta = Theta::of(material);
+    let film = |offset: f64| {
+        let mut moved = theta;
+        moved.0[parameter] += offset;
+        let mut moved = moved.material();
+        if parameter >= 4 {
+            moved = *material;
+            *channel_of(&mut moved, parameter) += offset;
+        }
+        films(renderer, &moved, &[view]).remove(0)
+    };
+    // Colours are moved as linear channels, which the images are smooth in.
+    let (at, slope) = match parameter {
+        4.. => {
+            let channel = *channel_of(&mut material.clone(), parameter);
+            // At white the slope is the one from below.
+            (channel, Encoding::Srgb.derivative(channel.min(1.0 - 1e-12)))
+        }
+        _ => (theta.0[parameter], 1.0),
+    };
+    // The roughness has a kink at 0.9.
+    let room_up = if parameter == 0 && at <= 0.9 {
+        0.9
+    } else {
+        1.0
+    } - at;
+    let side = if room_up >= step || parameter == 2 {
+        1.0
+    } else {
+        -1.0
+    };
+    let central = parameter == 2 || at.min(room_up) >= step;
+    let base = film(0.0);
+    let quotient = |step: f64| -> Vec<f64> {
+        let near = film(side * step);
+        let (other, weights) = match central {
+            true => (film(-step), [0.5, -0.5, 0.0]),
+            false => (film(0.5 * side * step), [-1.0, 4.0, -3.0]),
+        };
+        let flat = |image: &Vec<[f64; 3]>| image.iter().flatten().copied().collect::<Vec<f64>>();
+        let (near, other, base) = (flat(&near), flat(&other), flat(&base));
+        let sums = near.iter().zip(&other).zip(&base);
+        sums.map(|((near, other), base)| {
+            (weights[0] * near + weights[1] * other + weights[2] * base) / (side * step * slope)
+        })
+        .collect()
+    };
+    let steps = [step, 0.5 * step, 0.25 * step].map(quotient);
+    // Central errors hold even powers of the step, others all from the second.
+    let powers = if central { [4.0, 16.0] } else { [4.0, 8.0] };
+    let eliminate = |coarse: &[f64], fine: &[f64], power: f64| -> Vec<f64> {
+        let pairs = coarse.iter().zip(fine);
+        pairs
+            .map(|(coarse, fine)| (power * fine - coarse) / (power - 1.0))
+            .collect()
+    };
+    let first = eliminate(&steps[0], &steps[1], powers[0]);
+    let second = eliminate(&steps[1], &steps[2], powers[0]);
+    let all = eliminate(&first, &second, powers[1]);
+    all.chunks(3)
+        .map(|pixel| [pixel[0], pixel[1], pixel[2]])
+        .collect()
+}
+
+fn channel_of(material: &mut Material, parameter: usize) -> &mut f64 {
+    match parameter {
+        ..7 => &mut material.rgb0[parameter - 4],
+        _ => &mut material.rgb90[parameter - 7],
+    }
+}
+
+/// The step of the reference: a share of the lobe's or the parameter's own length.
+fn reference_step(material: &Material, parameter: usize) -> f64 {
+    let theta = Theta::of(material).0;
+    // The roughness goes with the logarithm of a.
+    let a = 0.001 + 0.999 * theta[0];
+    match parameter {
+        0 => 0.05 * a,
+        1 => 0.03 * libm::cbrt(a + theta[1] * theta[1] * theta[1]),
+        2 => 0.002,
+        3 => 0.03 * (1.0 / 9.0 + theta[3]),
+        _ => 0.01 * channel_of(&mut material.clone(), parameter).max(0.01),
+    }
+}
+
+/// What differs from a reference: the worst relative error of notable derivatives, and the share of
+/// all that the stated errors do not cover.
+struct Comparison {
+    notable: usize,
+    beyond_a_percent: usize,
+    worst: f64,
+    channels: usize,
+    uncovered: usize,
+}
+
+fn compare(derivatives: &ViewDerivatives, parameter: usize, reference: &[[f64; 3]]) -> Comparison {
+    let by = &derivatives.by[parameter];
+    let mut found = Comparison {
+        notable: 0,
+        beyond_a_percent: 0,
+        worst: 0.0,
+        channels: 0,
+        uncovered: 0,
+    };
+    for (pixel, expected) in reference.iter().enumerate() {
+        for channel in 0..3 {
+            let (value, expected) = (by.values[pixel][channel], expected[channel]);
+            let off = (value - expected).abs();
+            found.channels += 1;
+            // What rounding leaves of a difference is below 1e-9 of white.
+            found.uncovered += usize::from(off > by.errors[pixel][channel] + 1e-9);
+            if expected.abs() > NOTABLE {
+                found.notable += 1;
+                found.worst = found.worst.max(off / expected.abs());
+                found.beyond_a_percent += usize::from(off > 0.01 * expected.abs());
+            }
+        }
+    }
+    found
+}
+
+/// Compares the derivatives of one view of a material by some parameters with the reference.
+fn check(
+    specification: &Specification,
+    name: &str,
+    material: &Material,
+    view: u32,
+    parameters: impl IntoIterator<Item = usize>,
+    misses_allowed: f64,
+) {
+    let differentiator = Differentiator::new(specification, BACKEND).expect("views");
+    let renderer = Renderer::new(specification, BACKEND).expect("views");
+    let derivatives = differentiator
+        .views(material, &[view])
+        .expect("derivatives");
+    for parameter in parameters {
+        let step = reference_step(material, parameter);
+        let expected = reference(&renderer, material, view, parameter, step);
+        let found = compare(&derivatives[0], parameter, &expected);
+        let Comparison {
+            notable,
+            beyond_a_percent,
+            worst,
+            channels,
+            uncovered,
+        } = found;
+        let what = format!(
+            "{name}, view {view}, {}: {beyond_a_percent} of {notable} beyond 1 percent, worst \
+             {worst:.1e}; {uncovered} of {channels} beyond the stated error",
+            NAMES[parameter]
+        );
+        println!("{what}");
+        assert!(
+            beyond_a_percent as f64 <= misses_allowed * notable as f64,
+            "{what}"
+        );
+        assert_eq!(uncovered, 0, "{what}");
+    }
+}
+
+fn hard_case(name: &str) -> Material {
+    let case = HARD_CASES.iter().find(|case| case.name == name);
+    case.expect("a hard case of this name").material
+}
+
+/// Without the chart renderings are exact to 1e-6, and every notable derivative is right to a
+/// percent.
+#[test]
+fn derivatives_are_right_to_a_percent() {
+    let specification = preset(32, 1e-6);
+    for name in ["ordinary", "just-specular", "half-lambert"] {
+        let material = hard_case(name);
+        check(
+            &specification,
+            name,
+            &material,
+            WITHOUT_CHART,
+            0..PARAMETERS,
+            0.0,
+        );
+    }
+    for index in [1, 2, 5] {
+        let material = specification.material(index).material;
+        let name = format!("material {index}");
+        check(
+            &specification,
+            &name,
+            &material,
+            WITHOUT_CHART,
+            0..PARAMETERS,
+            0.0,
+        );
+    }
+}
+
+/// Highlights of smooth materials cost more, so the accuracy is the preset's. On their edges a tenth of
+/// the pixels were off by 1 to 4 percent (measured).
+#[test]
+fn derivatives_of_highlights_are_right_to_a_percent() {
+    let specification = preset(32, 1e-3);
+    let material = hard_case("blue-to-yellow");
+    check(
+        &specification,
+        "blue-to-yellow",
+        &material,
+        HIGHLIGHT,
+        0..PARAMETERS,
+        0.0,
+    );
+    // Without anisotropy the angle's derivative is 0, and differences are all error. Steps of the
+    // colours cross the tint's knee: the stated errors cover that, but it is more than a percent.
+    let material = hard_case("index-10");
+    check(
+        &specification,
+        "index-10",
+        &material,
+        HIGHLIGHT,
+        [0, 1, 3],
+        0.2,
+    );
+}
+
+/// In the two photographs renderings cost more, so the accuracy is the preset's: the stated errors
+/// cover what is seen against other steps at the same accuracy.
+#[test]
+fn stated_errors_cover_the_photographs() {
+    let specification = preset(32, 1e-3);
+    let material = specification.material(5).material;
+    let renderer = Renderer::new(&specification, BACKEND).expect("views");
+    let differentiator = Differentiator::new(&specification, BACKEND).expect("views");
+    let derivatives = differentiator.views(&material, &[8]).expect("derivatives");
+    for parameter in [0, 2, 3, 5] {
+        let step = reference_step(&material, parameter);
+        let expected = reference(&renderer, &material, 8, parameter, step);
+        let found = compare(&derivatives[0], parameter, &expected);
+        println!(
+            "material 5, view 8, {}: {} of {} beyond 1 percent, {} beyond the stated error",
+            NAMES[parameter], found.beyond_a_percent, found.notable, found.uncovered
+        );
+        // The reference divides by steps that are four times shorter, and so is as far off.
+        assert!(
+            found.uncovered * 100 <= found.channels,
+            "{}",
+            NAMES[parameter]
+        );
+        assert!(found.notable > 1000);
+        assert!(
+            found.beyond_a_percent * 20 <= found.notable,
+            "{}",
+            NAMES[parameter]
+        );
+    }
+}
+
+/// RGB0 and RGB90 halved.
+fn halved(material: &Material) -> Material {
+    Material {
+        rgb0: material.rgb0.map(|channel| 0.5 * channel),
+        rgb90: material.rgb90.map(|channel| 0.5 * channel),
+        ..*material
+    }
+}
+
+/// The direction of a common factor of all colours: d code / d ln(factor).
+fn common_factor(material: &Material) -> [f64; PARAMETERS] {
+    let mut direction = [0.0; PARAMETERS];
+    let channels = material.rgb0.into_iter().chain(material.rgb90);
+    for (component, channel) in direction[4..].iter_mut().zip(channels) {
+        let h = 1e-4 * channel;
+        let codes = [channel + h, channel - h].map(colour::srgb_from_linear);
+        *component = (codes[0] - codes[1]) / 2e-4;
+    }
+    direction
+}
+
+#[test]
+fn a_common_factor_of_the_colours_is_not_observed() {
+    let specification = preset(32, 1e-3);
+    let material = Material {
+        roughness: 40.0,
+        ..specification.material(2).material
+    };
+    let renderer = Renderer::new(&specification, BACKEND).expect("views");
+    let pair = [material, halved(&material)].map(|material| films(&renderer, &material, &[8]));
+    let bits = |films: &[Vec<[f64; 3]>]| -> Vec<u64> {
+        films
+            .iter()
+            .flatten()
+            .flatten()
+            .map(|value| value.to_bits())
+            .collect()
+    };
+    assert_eq!(bits(&pair[0]), bits(&pair[1]));
+
+    let differentiator = Differentiator::new(&specification, BACKEND).expect("views");
+    let derivatives = differentiator.views(&material, &[8]).expect("derivatives");
+    let information = Information::of_view(&derivatives[0], Encoding::Srgb);
+    let direction = common_factor(&material);
+    let [change, unsure] = information.change_along(&direction);
+    let mut one = [0.0; PARAMETERS];
+    one[5] = direction[5];
+    let [alone, _] = information.change_along(&one);
+    println!("all colours {change:.1e} (unsure {unsure:.1e}), green at 0 degrees {alone:.1e}");
+    assert!(change <= unsure && change < 0.01 * alone);
+    let bounds = information.bounds(2.0 / 255.0).expect("bounds");
+    println!(
+        "{bounds:?} weights {:.3?}",
+        information.observable_weights()
+    );
+    for (index, bound) in bounds.iter().enumerate() {
+        assert_eq!(bound.is_finite(), index < 4, "{}: {bound}", NAMES[index]);
+    }
+}

@@ -1,0 +1,11 @@
+//! Derivatives, information and refinement over the renderer.
+
+#![allow(
+    clippy::print_stdout,
+    reason = "figures are for whoever runs with --nocapture"
+)]
+
+mod bounds;
+mod derivatives;
+mod refine;
+mod scene;

@@ -1,0 +1,254 @@
+//! `brdfarm train`.
+
+use crate::{cores, progress};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use dataset::IndexList;
+use export::observability;
+use indicatif::{HumanDuration, ProgressBar};
+use serde::de::DeserializeOwned;
+use std::cell::Cell;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use training::TrainingError;
+use training::data::{Pairs, Source};
+use training::device::Accelerator;
+use training::fit::options::{LossWeights, Options as TrainingOptions, Preset, Whiten};
+use training::fit::state::EpochLine;
+use training::fit::{Files, Progress, train};
+use training::labels::axes::Colours;
+use training::pixels::encoding::Encoding;
+use training::variant::Variant;
+
+/// Train the networks that estimate a material from two photographs
+///
+/// Reads an export of rectified pairs (`brdfarm dataset export EXPORT --layout files --views 5,8
+/// --rectified 64`) and writes model.safetensors, log.csv and curves.svg. The same export, options
+/// and seed give the same bytes on one processor. Every epoch ends with a checkpoint: stopped, the
+/// same command goes on from the last one.
+#[derive(Debug, Args)]
+pub struct Options {
+    /// The export
+    #[arg(value_name = "EXPORT")]
+    export: PathBuf,
+    /// Where to: a new or an empty folder, or that of a training to go on with
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Sizes, encoding, colours, optimiser and epochs: as in the paper, or what two processor cores
+    /// or a GPU train best
+    #[arg(long, default_value = "cpu", value_name = "PRESET",
+          value_parser = named::<Preset>(&["paper", "cpu", "best"]))]
+    preset: Preset,
+    /// What is trained: one CNN on photographs as they are (cnn0) or whitened (cnnw), cnn0 with
+    /// R, A, psi and N_d weighted twice, the paper's nested blocks, or a control: one block on the
+    /// features of both CNNs (flat), blocks that are not told what others found (separate)
+    #[arg(long, default_value = "nested", value_name = "VARIANT",
+          value_parser = named::<Variant>(
+              &["cnn0", "cnnw", "weights", "nested", "flat", "separate"]))]
+    variant: Variant,
+    /// The two views, where the export has more
+    #[arg(long, value_name = "LIST")]
+    views: Option<IndexList>,
+    /// How labels write colours [default: the preset's]
+    #[arg(long, value_name = "COLOURS",
+          value_parser = named::<Colours>(&["lab", "rgb", "scaled"]))]
+    colours: Option<Colours>,
+    /// How pixels are encoded [default: the preset's]
+    #[arg(long, value_name = "ENCODING",
+          value_parser = named::<Encoding>(&["srgb", "log"]))]
+    encoding: Option<Encoding>,
+    /// Whether CNN_w's photographs share one whitening, or have one each
+    #[arg(long, default_value = "dataset", value_name = "WHICH",
+          value_parser = named::<Whiten>(&["dataset", "image"]))]
+    whiten: Whiten,
+    /// How much the loss of each parameter counts: the same in every material, as in the paper, or as
+    /// much as the material's two photographs show of it, which --observability says
+    #[arg(
+        long,
+        value_enum,
+        default_value = "paper",
+        requires_if("observable", "observability")
+    )]
+    weights: WeightsName,
+    /// What `brdfarm dataset observability` wrote, with the two views as a set
+    #[arg(long, value_name = "FILE.parquet")]
+    observability: Option<PathBuf>,
+    /// Add a camera's noise while training: Gaussian, of a standard deviation of 0 to 4 steps of an
+    /// 8-bit code, drawn for each material and epoch
+    #[arg(long)]
+    noise: bool,
+    /// Seed of weights, order, noise and dropout
+    #[arg(long, default_value_t = 0, value_name = "SEED")]
+    seed: u64,
+    /// Epochs of a CNN, at most [default: the preset's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    epochs: Option<u32>,
+    /// Epochs of a block, at most [default: the preset's]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    block_epochs: Option<u32>,
+    /// Epochs without a better excess on the validation split after which a network is finished
+    #[arg(long, value_name = "N", default_value_t = 20,
+          value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    patience: u32,
+    /// Take the CNNs that a training of another variant with the same other options has finished,
+    /// instead of training them again: they are the same, to the byte
+    #[arg(long, value_name = "DIR")]
+    cnns: Option<PathBuf>,
+    /// What computes: cpu, or cuda, cuda:1 where the program was built with the feature cuda
+    #[arg(long, default_value = "cpu", value_name = "DEVICE")]
+    device: Accelerator,
+    /// Threads; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum WeightsName {
+    /// As the variant says
+    Paper,
+    /// As much as photographs show
+    Observable,
+}
+
+/// A parser of the names that serde gives to the values of a type.
+fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names)
+        .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
+}
+
+/// Trains.
+pub fn execute(options: &Options) -> anyhow::Result<()> {
+    let mut training = chosen(options);
+    // burn computes on rayon's global pool.
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(cores::count(options.threads))
+        .build_global()?;
+    let device = options.device.open()?;
+    let views = options.views.as_ref().map(two_views).transpose()?;
+    let bar = progress::bar(0, "materials read");
+    let pairs = Pairs::read(
+        &Source {
+            folder: options.export.clone(),
+            views,
+            side: training.architecture.side,
+        },
+        &|done, count| {
+            bar.set_length(count);
+            bar.set_position(done);
+        },
+    );
+    bar.finish_and_clear();
+    let pairs = pairs?;
+    let table = options.observability.as_deref();
+    let table = table.filter(|_| options.weights == WeightsName::Observable);
+    let observed = table.map(|path| {
+        let encoding = training.encoding.name();
+        observability::read(path, &pairs.identity.views, encoding)
+    });
+    let observed = observed.transpose().map_err(TrainingError::from)?;
+    if let Some(observed) = &observed {
+        training.weights = LossWeights::Observable {
+            table: observed.digest.to_string(),
+        };
+    }
+    let show = Show::new();
+    let files = Files {
+        out: &options.out,
+        cnns: options.cnns.as_deref(),
+        observed: observed.as_ref(),
+    };
+    let model = train(&pairs, &training, files, &device, &|event| {
+        show.tell(&event);
+    });
+    show.bar.finish_and_clear();
+    writeln!(io::stdout(), "{}", model?.display())?;
+    Ok(())
+}
+
+fn chosen(options: &Options) -> TrainingOptions {
+    let preset = options.preset.options(options.variant);
+    TrainingOptions {
+        colours: options.colours.unwrap_or(preset.colours),
+        encoding: options.encoding.unwrap_or(preset.encoding),
+        cnn_epochs: options.epochs.unwrap_or(preset.cnn_epochs),
+        block_epochs: options.block_epochs.unwrap_or(preset.block_epochs),
+        whiten: options.whiten,
+        noise: options.noise,
+        patience: options.patience,
+        seed: options.seed,
+        ..preset
+    }
+}
+
+/// The two views that a list names.
+pub fn two_views(list: &IndexList) -> anyhow::Result<[u32; 2]> {
+    let views: Vec<u32> = list.below(u32::MAX, "view")?;
+    <[u32; 2]>::try_from(views).map_err(|_| {
+        crate::failure::BadInput("--views takes two views, as in 5,8".to_owned()).into()
+    })
+}
+
+/// Shows how far a training is: a bar where there is a terminal, a line for each epoch.
+struct Show {
+    bar: ProgressBar,
+    // When this process began an epoch, and how many it has finished since, of one network.
+    begun: Cell<(Instant, u32)>,
+}
+
+impl Show {
+    fn new() -> Self {
+        Self {
+            bar: progress::bar(0, "steps"),
+            begun: Cell::new((Instant::now(), 0)),
+        }
+    }
+
+    fn tell(&self, event: &Progress<'_>) {
+        match event {
+            Progress::Step {
+                stage,
+                epoch,
+                epochs,
+                done,
+                steps,
+            } => {
+                if u64::from(*epoch) * steps + done == 1 {
+                    self.bar.reset();
+                    self.begun.set((Instant::now(), 0));
+                }
+                self.bar.set_length(u64::from(*epochs) * steps);
+                self.bar.set_position(u64::from(*epoch) * steps + done);
+                self.bar.set_message(format!("steps of {stage}"));
+            }
+            Progress::Epoch { line, epochs } => self.print(line, *epochs),
+        }
+    }
+
+    fn print(&self, line: &EpochLine, epochs: u32) {
+        let EpochLine {
+            stage,
+            epoch,
+            loss,
+            excess,
+            ..
+        } = line;
+        let (start, before) = self.begun.get();
+        self.begun.set((start, before + 1));
+        let each = start.elapsed() / (before + 1);
+        let left = each * epochs.saturating_sub(*epoch);
+        let left = HumanDuration(Duration::from_secs(left.as_secs()));
+        self.bar.suspend(|| {
+            // A reader that has gone away does not stop the training.
+            let _ = writeln!(
+                io::stdout(),
+                "{stage} epoch {epoch} of {epochs}: training loss {loss:.4}, validation excess \
+                 {excess:.4} nats; about {left} left of {stage}"
+            );
+        });
+    }
+}

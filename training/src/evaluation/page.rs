@@ -1,0 +1,173 @@
+//! The page of an evaluation: one HTML file that needs nothing but itself.
+
+use super::bounds;
+use super::paired::Group;
+use super::statistics::Quartiles;
+use super::tables::Summary;
+use crate::labels::axes::Colours;
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+const STYLE: &str = "body { font: 16px/1.5 system-ui, sans-serif; max-width: 84rem; margin: 2rem auto; \
+    padding: 0 1rem; } table { border-collapse: collapse; display: block; overflow-x: auto; } \
+    th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #ccc; \
+    white-space: nowrap; } \
+    th:first-child, td:first-child { text-align: left; } svg { max-width: 100%; height: auto; }";
+
+/// What the page says beside the figures.
+#[derive(Clone, Debug)]
+pub struct Context {
+    /// The dataset's name and specification hash.
+    pub dataset: String,
+    /// Materials judged.
+    pub materials: usize,
+    /// Those of the judged views that estimators saw.
+    pub seen: Vec<u32>,
+    /// The machine: processor, cores.
+    pub machine: String,
+    /// The noise that Cramer-Rao bounds are for, where they are known.
+    pub noise_sd: Option<f64>,
+}
+
+/// The whole page.
+pub fn compose(
+    context: &Context,
+    summaries: &[Summary],
+    groups: &[Group],
+    box_plot: &str,
+) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { "brdfarm: estimators of materials" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { "How far estimates of materials are off" }
+                p {
+                    "Each estimator read two photographs, those of the views "
+                    (format!("{:?}", context.seen)) ", of " (context.materials) " materials of the test split of " (context.dataset)
+                    ". Its estimates were rendered again in every view, at 32 pixels a side, and "
+                    "compared with the truth. Machine: " (context.machine) "."
+                }
+                h2 { "Images" }
+                (PreEscaped(box_plot))
+                p { "Boxes reach from quartile to quartile, whiskers from the 5th to the 95th "
+                    "percentile of all images." }
+                (images(summaries))
+                h2 { "Pair by pair" }
+                p { "Median over materials of the ratio of the row's error to the column's, with an "
+                    "interval of 95 percent by the bootstrap over materials. Trainings that differ by "
+                    "their seed alone count together: a material's error is the mean over them. Where "
+                    "the interval lies below 1, the row is better." }
+                (pairs(groups))
+                h2 { "Parameters" }
+                p { "Mean absolute errors; psi where it shows (R below 90 and A cubed above 0.3 of "
+                    "the isotropic width)." }
+                (parameters(summaries))
+                @if let Some(noise_sd) = context.noise_sd {
+                    h2 { "Against what is possible" }
+                    p { "Median over materials of the absolute error over the Cramer-Rao bound, the "
+                        "least standard deviation that an unbiased estimate from the two photographs "
+                        "can have, for noise of " (format!("{:.1}", 255.0 * noise_sd)) " steps of an "
+                        "8-bit code. Materials count whose photographs tell more of the parameter than "
+                        "its range does. A perfect estimator of so noisy photographs has 0.67." }
+                    (against_bounds(summaries))
+                }
+            }
+        }
+    };
+    page.into_string()
+}
+
+fn images(summaries: &[Summary]) -> Markup {
+    let first = summaries
+        .first()
+        .map_or("", |summary| summary.name.as_str());
+    html! {
+        table {
+            thead { tr {
+                th { "estimator" }
+                th { "median MSE" } th { "quartiles" }
+                th { "views seen" } th { "views not seen" } th { "log codes" }
+                th { "ratio to " (first) " (95%)" }
+            } }
+            tbody { @for summary in summaries { tr {
+                td { (summary.name) }
+                td { (scientific(summary.all.median)) }
+                td { (range(summary.all)) }
+                td { (scientific(summary.seen.median)) }
+                td { (scientific(summary.unseen.median)) }
+                td { (scientific(summary.log.median)) }
+                td {
+                    (format!("{:.3} ({:.3} to {:.3})", summary.ratio.value, summary.ratio.low,
+                        summary.ratio.high))
+                }
+            } } }
+        }
+    }
+}
+
+fn pairs(groups: &[Group]) -> Markup {
+    html! {
+        table {
+            thead { tr {
+                th { "estimator (trainings)" }
+                @for group in groups { th { (group.name) } }
+            } }
+            tbody { @for row in groups { tr {
+                td { (row.name) " (" (row.trainings) ")" }
+                @for column in groups { td {
+                    @if row.name != column.name {
+                        @let ratio = row.ratio_to(column);
+                        (format!("{:.2} ({:.2} to {:.2})", ratio.value, ratio.low, ratio.high))
+                    }
+                } }
+            } } }
+        }
+    }
+}
+
+fn parameters(summaries: &[Summary]) -> Markup {
+    html! {
+        table {
+            thead { tr {
+                th { "estimator" }
+                @for axis in Colours::Lab.axes() { th { (axis.name) } }
+            } }
+            tbody { @for summary in summaries { tr {
+                td { (summary.name) }
+                @for error in summary.parameters { td { (format!("{error:.3}")) } }
+            } } }
+        }
+    }
+}
+
+fn against_bounds(summaries: &[Summary]) -> Markup {
+    html! {
+        table {
+            thead { tr {
+                th { "estimator" }
+                @for axis in bounds::axes() { th { (axis.name) } }
+            } }
+            tbody { @for summary in summaries { tr {
+                td { (summary.name) }
+                @for ratio in summary.over_bounds.iter().flatten() { td { (format!("{ratio:.2}")) } }
+            } } }
+        }
+    }
+}
+
+fn scientific(value: f64) -> String {
+    format!("{value:.2e}")
+}
+
+fn range(quartiles: Quartiles) -> String {
+    format!(
+        "{} to {}",
+        scientific(quartiles.lower),
+        scientific(quartiles.upper)
+    )
+}

@@ -1,0 +1,257 @@
+//! What a training leaves on the disk so that it can go on after any kill.
+//!
+//! ```text
+//! OUT/state.json        options, finished stages, log, and where the stage in hand stands
+//! OUT/stage-N-E/        weights.bpk, optimiser.bpk, best.bpk of stage N after E epochs
+//! OUT/stage-N.bpk       the best weights of a finished stage
+//! OUT/log.csv           the log
+//! OUT/model.safetensors the result
+//! ```
+//!
+//! `state.json` is replaced last, by a rename, and names everything else. What it does not name is
+//! left over from a kill and removed by the next checkpoint.
+
+use super::cnns::take_cnns;
+use super::options::Options;
+use super::state::{EpochLine, StageState, csv};
+use crate::data::Identity;
+use crate::error::{TrainingError, bad_input};
+use export::file::{beside, sync_folder, unable, write_bytes};
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+const STATE: &str = "state.json";
+const PARTS: [&str; 3] = ["weights.bpk", "optimiser.bpk", "best.bpk"];
+
+/// The result's name.
+pub const MODEL: &str = "model.safetensors";
+
+/// What `state.json` holds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct State {
+    /// What decides the weights.
+    pub options: Options,
+    /// What is trained on.
+    pub identity: Identity,
+    /// Digest of the pixels and labels.
+    pub pairs: String,
+    /// Stages finished.
+    pub finished: u32,
+    /// Where the stage in hand stands; absent before its first checkpoint.
+    pub stage: Option<StageState>,
+    /// All epochs so far.
+    pub log: Vec<EpochLine>,
+}
+
+/// The folder of a training.
+#[derive(Debug)]
+pub struct Checkpoints {
+    folder: PathBuf,
+}
+
+impl Checkpoints {
+    /// A new or an existing folder.
+    ///
+    /// # Errors
+    /// When it cannot be made.
+    pub fn new(folder: &Path) -> Result<Self, TrainingError> {
+        fs::create_dir_all(folder).map_err(unable("make", folder))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+        })
+    }
+
+    /// The state that a training of `fresh`'s options and data left, or `fresh` where there is none.
+    ///
+    /// # Errors
+    /// When the folder holds another training, naming what differs, or something else; or when the
+    /// folder `cnns`, from which a new training takes its CNNs, does not have them.
+    pub fn resume_or(&self, fresh: State, cnns: Option<&Path>) -> Result<State, TrainingError> {
+        let Some(found) = self.read_state()? else {
+            let mut fresh = self.empty_or(fresh)?;
+            if let Some(cnns) = cnns {
+                let folder = cnns.to_owned();
+                take_cnns(&Self { folder }, self, &mut fresh)?;
+            }
+            return Ok(fresh);
+        };
+        if let Some(difference) = difference(&found, &fresh)? {
+            return Err(bad_input(
+                &self.folder,
+                format!("the folder holds another training, {difference}: choose another folder"),
+            ));
+        }
+        Ok(found)
+    }
+
+    /// What the folder says of its training; `None` where there is none.
+    pub(super) fn read_state(&self) -> Result<Option<State>, TrainingError> {
+        let path = self.folder.join(STATE);
+        let text = match fs::read(&path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(unable("read", &path)(error).into()),
+        };
+        serde_json::from_slice(&text)
+            .map_err(|error| bad_input(&path, format!("no state of a training: {error}")))
+            .map(Some)
+    }
+
+    fn empty_or(&self, fresh: State) -> Result<State, TrainingError> {
+        let mut entries = fs::read_dir(&self.folder).map_err(unable("read", &self.folder))?;
+        let ours = |name: &std::ffi::OsStr| {
+            let name = name.to_string_lossy();
+            name == "lost+found" || name.starts_with("stage-") || name == "state.json.new"
+        };
+        let occupant = entries.find_map(|entry| {
+            let name = entry.ok()?.file_name();
+            (!ours(&name)).then_some(name)
+        });
+        match occupant {
+            None => Ok(fresh),
+            Some(name) => Err(bad_input(
+                &self.folder,
+                format!("the folder holds {name:?}: choose an empty or a new folder"),
+            )),
+        }
+    }
+
+    fn stage_folder(&self, stage: u32, epoch: u32) -> PathBuf {
+        self.folder.join(format!("stage-{stage}-{epoch}"))
+    }
+
+    /// Weights, optimiser and best weights of a stage, packed.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn read_stage(&self, stage: u32, epoch: u32) -> Result<[Vec<u8>; 3], TrainingError> {
+        let folder = self.stage_folder(stage, epoch);
+        let read = |part: &str| {
+            let path = folder.join(part);
+            fs::read(&path).map_err(unable("read", &path))
+        };
+        let [weights, optimiser, best] = PARTS.map(read);
+        Ok([weights?, optimiser?, best?])
+    }
+
+    /// Writes a stage's checkpoint, then the state that names it, then removes the one before.
+    ///
+    /// # Errors
+    /// When it cannot be written. The checkpoint before is still there.
+    pub fn write_stage(&self, state: &State, parts: &[Vec<u8>; 3]) -> Result<(), TrainingError> {
+        let epoch = state.stage.map_or(0, |stage| stage.epoch);
+        let folder = self.stage_folder(state.finished, epoch);
+        let aside = beside(&folder);
+        for path in [&aside, &folder] {
+            remove_folder(path)?;
+        }
+        fs::create_dir(&aside).map_err(unable("make", &aside))?;
+        for (name, bytes) in PARTS.into_iter().zip(parts) {
+            write_bytes(&aside.join(name), bytes)?;
+        }
+        sync_folder(&aside)?;
+        fs::rename(&aside, &folder).map_err(unable("rename to", &folder))?;
+        // The state must not be durable before what it names.
+        sync_folder(&self.folder)?;
+        self.write_state(state)?;
+        self.remove_others(state.finished, epoch)
+    }
+
+    /// Writes the best weights of a finished stage, then the state that counts it as finished.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub fn finish_stage(&self, state: &mut State, best: &[u8]) -> Result<(), TrainingError> {
+        write_bytes(&self.finished_path(state.finished), best)?;
+        sync_folder(&self.folder)?;
+        state.finished += 1;
+        state.stage = None;
+        self.write_state(state)?;
+        self.remove_others(state.finished, 0)
+    }
+
+    fn finished_path(&self, stage: u32) -> PathBuf {
+        self.folder.join(format!("stage-{stage}.bpk"))
+    }
+
+    /// The best weights of a finished stage, packed.
+    ///
+    /// # Errors
+    /// When they cannot be read.
+    pub fn read_finished(&self, stage: u32) -> Result<Vec<u8>, TrainingError> {
+        let path = self.finished_path(stage);
+        Ok(fs::read(&path).map_err(unable("read", &path))?)
+    }
+
+    /// Writes the log as the state has it.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write_log(&self, state: &State) -> Result<(), TrainingError> {
+        let names = state.options.colours.axes().map(|axis| axis.name);
+        let path = self.folder.join("log.csv");
+        Ok(write_bytes(&path, csv(&state.log, names).as_bytes())?)
+    }
+
+    /// The path of a file of the result.
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    fn write_state(&self, state: &State) -> Result<(), TrainingError> {
+        let path = self.folder.join(STATE);
+        let json = serde_json::to_vec_pretty(state)
+            .map_err(|error| TrainingError::Weights(error.to_string()))?;
+        write_bytes(&path, &json)?;
+        Ok(sync_folder(&self.folder)?)
+    }
+
+    /// Removes checkpoints of stages but for one.
+    fn remove_others(&self, stage: u32, epoch: u32) -> Result<(), TrainingError> {
+        let kept = self.stage_folder(stage, epoch);
+        let entries = fs::read_dir(&self.folder).map_err(unable("read", &self.folder))?;
+        for entry in entries.flatten() {
+            let path = entry.path();
+            let name = entry.file_name();
+            if name.to_string_lossy().starts_with("stage-") && path.is_dir() && path != kept {
+                remove_folder(&path)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn remove_folder(path: &Path) -> Result<(), TrainingError> {
+    match fs::remove_dir_all(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(unable("remove", path)(error).into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What tells two trainings apart, if anything does.
+pub(super) fn difference(found: &State, wanted: &State) -> Result<Option<String>, TrainingError> {
+    let json = |value: &Options| {
+        serde_json::to_value(value).map_err(|error| TrainingError::Weights(error.to_string()))
+    };
+    if found.options != wanted.options {
+        let (there, here) = (json(&found.options)?, json(&wanted.options)?);
+        let fields = there.as_object().into_iter().flatten();
+        let different = fields
+            .filter(|(key, value)| here.get(*key) != Some(value))
+            .map(|(key, value)| {
+                let wanted = here.get(key).unwrap_or(&serde_json::Value::Null);
+                format!("with {key} {value} where {wanted} is wanted")
+            });
+        let first = different.into_iter().next();
+        return Ok(Some(
+            first.unwrap_or_else(|| "with other options".to_owned()),
+        ));
+    }
+    let other = found.identity != wanted.identity || found.pairs != wanted.pairs;
+    Ok(other.then(|| "on other images".to_owned()))
+}

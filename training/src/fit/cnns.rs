@@ -1,0 +1,86 @@
+//! The CNNs of another training, taken instead of trained again.
+//!
+//! A CNN depends on no block and on no other CNN, so variants that have the same one train it to the
+//! same bytes.
+
+use super::checkpoint::{Checkpoints, State, difference};
+use super::options::Options;
+use crate::error::{TrainingError, bad_input};
+
+/// Names of the two CNNs in the log.
+const CNN_NAMES: [&str; 2] = ["cnn0", "cnnw"];
+
+/// A network of a training.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum StageName {
+    /// CNN_0 or CNN_w.
+    Cnn(usize),
+    /// A block, counted from 0.
+    Block(usize),
+}
+
+impl StageName {
+    /// As the log has it.
+    pub fn text(self) -> String {
+        match self {
+            Self::Cnn(which) => CNN_NAMES[which].to_owned(),
+            Self::Block(block) => format!("block{}", block + 1),
+        }
+    }
+
+    /// In the streams of order and dropout.
+    pub fn number(self) -> u32 {
+        match self {
+            Self::Cnn(which) => which as u32,
+            Self::Block(block) => (CNN_NAMES.len() + block) as u32,
+        }
+    }
+}
+
+/// The CNNs of a training in the order of its stages.
+fn cnns(options: &Options) -> Vec<&'static str> {
+    let there = CNN_NAMES.into_iter().zip(options.variant.trunks());
+    there
+        .filter_map(|(name, there)| there.then_some(name))
+        .collect()
+}
+
+/// Takes the CNNs that a new training, `state`, begins with from the training in another folder.
+pub(super) fn take_cnns(
+    from: &Checkpoints,
+    to: &Checkpoints,
+    state: &mut State,
+) -> Result<(), TrainingError> {
+    let folder = from.path("");
+    let refuse = |reason: String| bad_input(&folder, reason);
+    let theirs = from
+        .read_state()?
+        .ok_or_else(|| refuse("there is no training in this folder".to_owned()))?;
+    if theirs.options.variant.weights() != state.options.variant.weights() {
+        let variant = theirs.options.variant.name();
+        return Err(refuse(format!(
+            "the CNNs of {variant} learn with other weights"
+        )));
+    }
+    let mut same = theirs.clone();
+    same.options.variant = state.options.variant;
+    same.options.block_epochs = state.options.block_epochs;
+    if let Some(difference) = difference(&same, state)? {
+        return Err(refuse(format!("its CNNs are other ones, {difference}")));
+    }
+    // All or none: what is taken is written at once.
+    let finished = cnns(&theirs.options);
+    let places = cnns(&state.options).into_iter().map(|name| {
+        let place = finished.iter().position(|other| *other == name);
+        let place = place.map(|place| place as u32);
+        let place = place.filter(|place| *place < theirs.finished);
+        let place = place.ok_or_else(|| refuse(format!("the training has not finished {name}")));
+        place.map(|place| (name, place))
+    });
+    for (name, place) in places.collect::<Result<Vec<_>, _>>()? {
+        let lines = theirs.log.iter().filter(|line| line.stage == name);
+        state.log.extend(lines.cloned());
+        to.finish_stage(state, &from.read_finished(place)?)?;
+    }
+    Ok(())
+}
