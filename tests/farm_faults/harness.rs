@@ -140,7 +140,7 @@ impl Harness {
         let urls = addresses.join(" http://");
         let arguments = format!(
             "worker connect http://{urls} --name {name} --threads 1 --backend native \
-             --log info --log-format json"
+             --log info,worker=debug --log-format json"
         );
         let log = File::options()
             .create(true)
@@ -149,6 +149,12 @@ impl Harness {
             .expect("a log");
         let mut command = self.command(env!("CARGO_BIN_EXE_brdfarm"), &arguments);
         Process::spawn(command.stdout(Stdio::null()).stderr(log))
+    }
+
+    /// Leases that a worker knows it has been given; the coordinator counts them before it tells.
+    pub fn leases_known_to(&self, name: &str) -> usize {
+        let said = fs::read_to_string(self.path().join(format!("{name}.worker")));
+        said.unwrap_or_default().matches("\"leased\"").count()
     }
 
     /// Materials whose completion some worker was told of, once for every time.

@@ -446,6 +446,7 @@ async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Resul
                 lost: AtomicBool::new(false),
             });
             worker.held.add(Arc::clone(&job));
+            span.in_scope(|| tracing::debug!("leased"));
             let worked = worker.work(&job, &stopping).instrument(span).await;
             worker.held.remove(&job);
             worked?;
