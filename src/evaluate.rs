@@ -18,7 +18,8 @@ use training::evaluation::paired::groups;
 use training::evaluation::refined::{Film, refine};
 use training::evaluation::rerender::Rerenderer;
 use training::evaluation::tables::{Summary, errors_csv, parameters_csv, summaries};
-use training::evaluation::{Estimates, Judged, baselines, bounds, box_plot, judge};
+use training::evaluation::{Estimates, Judged, baselines, bounds, box_plot, judge, over_bound};
+use training::fit::options::Options as TrainingOptions;
 use training::labels::reading::Reading;
 use training::model::Model;
 use training::pixels::encoding::Encoding;
@@ -129,7 +130,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         .collect();
     if sides.is_empty() {
         let data = read(options, options.side)?;
-        return evaluate(options, &data, Vec::new());
+        return evaluate(options, &data, Vec::new(), Vec::new());
     }
     let mut all: Vec<Estimates> = Vec::new();
     let mut data = None;
@@ -154,7 +155,17 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         data = Some(pairs);
     }
     match data {
-        Some(data) => evaluate(options, &data, all),
+        Some(data) => {
+            let trained = models
+                .iter()
+                .map(|(_, model)| model.options.training.clone());
+            evaluate(
+                options,
+                &data,
+                all,
+                names.into_iter().zip(trained).collect(),
+            )
+        }
         None => unreachable!("there was a side"),
     }
 }
@@ -222,7 +233,12 @@ fn names(paths: &[PathBuf]) -> Result<Vec<String>, BadInput> {
     names.collect()
 }
 
-fn evaluate(options: &Options, pairs: &Pairs, models: Vec<Estimates>) -> anyhow::Result<()> {
+fn evaluate(
+    options: &Options,
+    pairs: &Pairs,
+    models: Vec<Estimates>,
+    networks: Vec<(String, TrainingOptions)>,
+) -> anyhow::Result<()> {
     let positions = positions(pairs, options)?;
     let observed = observed(options, pairs, &positions)?;
     let mut all = Vec::new();
@@ -258,6 +274,7 @@ fn evaluate(options: &Options, pairs: &Pairs, models: Vec<Estimates>) -> anyhow:
         judged,
         seen,
         observed,
+        networks,
     };
     write(options, pairs, &found)?;
     print(&found.summaries)
@@ -270,6 +287,7 @@ struct Found {
     seen: Vec<u32>,
     observed: Option<Observed>,
     summaries: Vec<Summary>,
+    networks: Vec<(String, TrainingOptions)>,
 }
 
 /// What photographs show of the materials that are judged, where a table says it.
@@ -304,6 +322,7 @@ fn write(options: &Options, pairs: &Pairs, found: &Found) -> anyhow::Result<()> 
         seen,
         observed,
         summaries,
+        networks,
     } = found;
     let samples: Vec<(String, Vec<f64>)> = all
         .iter()
@@ -317,12 +336,17 @@ fn write(options: &Options, pairs: &Pairs, found: &Found) -> anyhow::Result<()> 
         })
         .collect();
     let plot = box_plot::svg(&samples)?;
+    let bounds = observed.as_ref().map(|observed| {
+        let plot = over_bound::svg(all, judged, observed)?;
+        Ok::<_, TrainingError>((observed.noise_sd, plot))
+    });
     let context = Context {
         dataset: pairs.specification.name.clone(),
         materials: judged.first().map_or(0, Vec::len),
         seen: seen.clone(),
         machine: machine(),
-        noise_sd: observed.as_ref().map(|observed| observed.noise_sd),
+        networks: networks.clone(),
+        bounds: bounds.transpose()?,
     };
     let page = compose(&context, summaries, &groups(all, judged), &plot);
     for (name, text) in [

@@ -95,6 +95,9 @@ pub struct Options {
     /// instead of training them again: they are the same, to the byte
     #[arg(long, value_name = "DIR")]
     cnns: Option<PathBuf>,
+    /// Write the log as TensorBoard's event files too, into DIR/tensorboard
+    #[arg(long)]
+    tensorboard: bool,
     /// What computes: cpu, or cuda, cuda:1 where the program was built with the feature cuda
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
@@ -161,6 +164,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         out: &options.out,
         cnns: options.cnns.as_deref(),
         observed: observed.as_ref(),
+        tensorboard: options.tensorboard,
     };
     let model = train(&pairs, &training, files, &device, &|event| {
         show.tell(&event);

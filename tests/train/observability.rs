@@ -191,6 +191,10 @@ fn losses_count_as_much_as_photographs_show() {
         parameters.lines().next().unwrap().ends_with(",bound_ior"),
         "{parameters}"
     );
+    let page = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
+    for words in ["ior: least standard deviation", "<td>observable</td>"] {
+        assert!(page.contains(words), "{words}");
+    }
 
     let observable = |rest: &str| format!("{train} a --weights observable --observability {rest}");
     place.succeed(&format!("{table} some.parquet --materials 0-3"));

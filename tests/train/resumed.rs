@@ -2,6 +2,7 @@
 //! so do trainings on one thread and on two.
 
 use crate::pairs::{TRAIN, exported, fail};
+use crate::readers::python;
 use crate::workplace::Workplace;
 use std::fs;
 use std::path::Path;
@@ -42,7 +43,7 @@ fn a_training_killed_ten_times_ends_as_if_undisturbed_on_any_threads() {
     let (mut kills, mut trainings) = (0, 0);
     while kills < KILLS {
         let out = format!("killed-{trainings}");
-        let mut child = place.spawn(&format!("{TRAIN} --out {out} --threads 1"));
+        let mut child = place.spawn(&format!("{TRAIN} --out {out} --threads 1 --tensorboard"));
         // Sevenths of a turn: instants all over a training, in no order.
         sleep(took.mul_f64(f64::from((kills + trainings) * 7 % KILLS + 1) / f64::from(KILLS + 1)));
         if child.try_wait().unwrap().is_some() {
@@ -55,13 +56,16 @@ fn a_training_killed_ten_times_ends_as_if_undisturbed_on_any_threads() {
     }
     for training in 0..=trainings {
         let out = format!("killed-{training}");
-        place.succeed(&format!("{TRAIN} --out {out} --threads 2"));
+        place.succeed(&format!("{TRAIN} --out {out} --threads 2 --tensorboard"));
         assert!(
             result(&place, &out) == expected,
             "a killed training differs"
         );
-        assert_eq!(leftovers(&place.path().join(out)), Vec::<String>::new());
+        assert_eq!(leftovers(&place.path().join(&out)), Vec::<String>::new());
     }
+
+    let said = python(&place, "tests/clients/read_events.py", &["killed-0"]);
+    assert!(said.contains("values of 16 epochs"), "{said}");
 
     // What is finished is not trained again.
     let said = place.succeed(&format!("{TRAIN} --out killed-0"));

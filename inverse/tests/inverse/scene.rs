@@ -7,6 +7,7 @@ use rand_chacha::{
     rand_core::{Rng, SeedableRng},
 };
 use renderer::{Renderer, geometry::BackendChoice};
+use std::str::FromStr;
 
 /// The backend of every test.
 pub const BACKEND: BackendChoice = BackendChoice::Native;
@@ -32,6 +33,13 @@ pub fn films(renderer: &Renderer, material: &Material, views: &[u32]) -> Vec<Vec
             .collect()
     };
     views.iter().map(film).collect()
+}
+
+/// A number that a long command sets.
+pub fn from_environment<T: FromStr>(name: &str) -> T {
+    let set = std::env::var(name).ok();
+    let number = set.and_then(|text| text.parse().ok());
+    number.unwrap_or_else(|| panic!("{name} is to be a number: tests/inverse.sh sets it"))
 }
 
 /// Draws by seed.

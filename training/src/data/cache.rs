@@ -6,16 +6,20 @@ use super::folder::Folder;
 use crate::error::TrainingError;
 use crate::pixels::CHANNELS;
 use dataset::Digest;
-use export::file::{sync_folder, unable, write_bytes};
+use export::file::{sync_folder, unable};
 use half::f16;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView, serialize};
 use std::collections::HashMap;
 use std::fs;
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 
 const TENSOR: &str = "pixels";
 const DIGEST: &str = "blake3";
+
+/// Whoever may read the export may read its cache: the mode before the umask.
+const MODE: u32 = 0o666;
 
 /// A file for each set of images and each side.
 pub(super) struct Cache {
@@ -84,7 +88,53 @@ impl Cache {
             .map_err(|error| TrainingError::Weights(error.to_string()))?;
         let file = serialize([(TENSOR, tensor)], Some(metadata))
             .map_err(|error| TrainingError::Weights(error.to_string()))?;
-        write_bytes(&self.path, &file)?;
+        self.publish(&file)?;
         Ok(sync_folder(&parent)?)
+    }
+
+    /// Several trainings that begin at once may write the same cache: each writes a file of its own,
+    /// and the last name counts.
+    fn publish(&self, bytes: &[u8]) -> Result<(), TrainingError> {
+        let unable = || unable("write", &self.path);
+        let parent = self.path.parent().unwrap_or(&self.path);
+        let mut file = tempfile::Builder::new()
+            .prefix("pairs-")
+            .suffix(".new")
+            .permissions(fs::Permissions::from_mode(MODE))
+            .tempfile_in(parent)
+            .map_err(unable())?;
+        file.write_all(bytes)
+            .and_then(|()| file.as_file().sync_all())
+            .map_err(unable())?;
+        file.persist(&self.path)
+            .map_err(|failed| unable()(failed.error))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_who_write_at_once_do_not_disturb_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache {
+            path: folder.path().join("pairs-0-1-32.safetensors"),
+            side: 32,
+        };
+        let content = vec![7; 1 << 16];
+        for _ in 0..20 {
+            std::thread::scope(|scope| {
+                let writers: Vec<_> = (0..8)
+                    .map(|_| scope.spawn(|| cache.publish(&content)))
+                    .collect();
+                for writer in writers {
+                    writer.join().unwrap().unwrap();
+                }
+            });
+            assert!(fs::read(&cache.path).unwrap() == content);
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -29,6 +29,27 @@ pub fn bounds(observed: &Observed, index: u32) -> Option<[f64; BOUNDED]> {
     }))
 }
 
+/// The least standard deviation that photographs and range leave together, 1/sqrt(1/b^2 + 12/range^2)
+/// with the bound b, and the absolute error, both in units of the label.
+pub fn least_sd_and_error(
+    judged: &Judged,
+    observed: &Observed,
+    parameter: usize,
+) -> Option<(f64, f64)> {
+    let bound = bounds(observed, judged.index)?[parameter];
+    let axis = &axes()[parameter];
+    let [low, high] = axis.range;
+    let range = UNIFORM_SD * (high - low);
+    // An infinite bound leaves the range.
+    let least = 1.0 / (1.0 / (bound * bound) + 1.0 / (range * range)).sqrt();
+    Some((least, error(axis, parameter, judged)))
+}
+
+fn error(axis: &Axis, parameter: usize, judged: &Judged) -> f64 {
+    let value = |material| Colours::Lab.values(material)[parameter];
+    axis.distance(value(&judged.truth), value(&judged.estimate))
+}
+
 /// Refuses a table without one of the materials.
 ///
 /// # Errors
@@ -56,8 +77,7 @@ pub fn over_bounds(judged: &[Judged], observed: &Observed) -> [f64; BOUNDED] {
         let ratios = judged.iter().filter_map(|one| {
             let bound = bounds(observed, one.index)?[parameter];
             let told = bound < UNIFORM_SD * (high - low);
-            let values = |material| Colours::Lab.values(material)[parameter];
-            told.then(|| axis.distance(values(&one.truth), values(&one.estimate)) / bound)
+            told.then(|| error(axis, parameter, one) / bound)
         });
         let mut ratios: Vec<f64> = ratios.collect();
         ratios.sort_by(f64::total_cmp);

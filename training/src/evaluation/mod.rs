@@ -9,11 +9,12 @@
 //! | [`statistics`] | quantiles, and intervals by the bootstrap |
 //! | [`paired`] | estimators compared pair by pair |
 //! | [`tables`] | what was found, as CSV and as a summary |
-//! | [`box_plot`], [`page`] | and to look at |
+//! | [`box_plot`], [`over_bound`], [`page`] | and to look at |
 
 pub mod baselines;
 pub mod bounds;
 pub mod box_plot;
+pub mod over_bound;
 pub mod page;
 pub mod paired;
 pub mod refined;

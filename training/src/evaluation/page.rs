@@ -4,6 +4,7 @@ use super::bounds;
 use super::paired::Group;
 use super::statistics::Quartiles;
 use super::tables::Summary;
+use crate::fit::options::{LossWeights, Options, Whiten};
 use crate::labels::axes::Colours;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -24,8 +25,10 @@ pub struct Context {
     pub seen: Vec<u32>,
     /// The machine: processor, cores.
     pub machine: String,
-    /// The noise that Cramer-Rao bounds are for, where they are known.
-    pub noise_sd: Option<f64>,
+    /// The networks' names and how they were trained.
+    pub networks: Vec<(String, Options)>,
+    /// Where Cramer-Rao bounds are known, the noise that they are for and the plot of errors over them.
+    pub bounds: Option<(f64, String)>,
 }
 
 /// The whole page.
@@ -52,6 +55,10 @@ pub fn compose(
                     ". Its estimates were rendered again in every view, at 32 pixels a side, and "
                     "compared with the truth. Machine: " (context.machine) "."
                 }
+                @if !context.networks.is_empty() {
+                    h2 { "Networks" }
+                    (networks(&context.networks))
+                }
                 h2 { "Images" }
                 (PreEscaped(box_plot))
                 p { "Boxes reach from quartile to quartile, whiskers from the 5th to the 95th "
@@ -67,7 +74,7 @@ pub fn compose(
                 p { "Mean absolute errors; psi where it shows (R below 90 and A cubed above 0.3 of "
                     "the isotropic width)." }
                 (parameters(summaries))
-                @if let Some(noise_sd) = context.noise_sd {
+                @if let Some((noise_sd, plot)) = &context.bounds {
                     h2 { "Against what is possible" }
                     p { "Median over materials of the absolute error over the Cramer-Rao bound, the "
                         "least standard deviation that an unbiased estimate from the two photographs "
@@ -75,11 +82,48 @@ pub fn compose(
                         "8-bit code. Materials count whose photographs tell more of the parameter than "
                         "its range does. A perfect estimator of so noisy photographs has 0.67." }
                     (against_bounds(summaries))
+                    (PreEscaped(plot))
+                    p { "Materials are sorted by the least standard deviation that the photographs and "
+                        "the parameter's range allow, and divided into eight groups; a dot is the median "
+                        "error of a group. The dashed line is a perfect estimator's, for photographs with "
+                        "this noise. Estimators that see less noise can lie below it. Trainings that "
+                        "differ by their seed alone share a curve." }
                 }
             }
         }
     };
     page.into_string()
+}
+
+fn networks(networks: &[(String, Options)]) -> Markup {
+    html! {
+        table {
+            thead { tr {
+                th { "network" } th { "preset" } th { "variant" } th { "pixels a side" }
+                th { "pixel codes" } th { "colours of labels" } th { "CNN_w's whitening" }
+                th { "loss weights" } th { "noise" } th { "epochs, CNN and block" } th { "seed" }
+            } }
+            tbody { @for (name, options) in networks { tr {
+                td { (name) }
+                td { (options.preset.name()) }
+                td { (options.variant.name()) }
+                td { (options.architecture.side) }
+                td { (options.encoding.name()) }
+                td { (options.colours.name()) }
+                td { @match options.whiten {
+                    Whiten::Dataset => "of the dataset",
+                    Whiten::Image => "of each photograph",
+                } }
+                td { @match options.weights {
+                    LossWeights::Paper => "the variant's",
+                    LossWeights::Observable { .. } => "observable",
+                } }
+                td { @if options.noise { "yes" } @else { "no" } }
+                td { (options.cnn_epochs) ", " (options.block_epochs) }
+                td { (options.seed) }
+            } } }
+        }
+    }
 }
 
 fn images(summaries: &[Summary]) -> Markup {

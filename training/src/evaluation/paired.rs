@@ -47,7 +47,8 @@ pub fn groups(all: &[Estimates], judged: &[Vec<Judged>]) -> Vec<Group> {
     groups
 }
 
-fn without_number(name: &str) -> &str {
+/// An estimator's name without the number of a seed.
+pub(super) fn without_number(name: &str) -> &str {
     let parts = name.rsplit_once('-');
     let numbered =
         parts.filter(|(_, end)| !end.is_empty() && end.bytes().all(|b| b.is_ascii_digit()));

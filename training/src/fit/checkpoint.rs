@@ -5,6 +5,7 @@
 //! OUT/stage-N-E/        weights.bpk, optimiser.bpk, best.bpk of stage N after E epochs
 //! OUT/stage-N.bpk       the best weights of a finished stage
 //! OUT/log.csv           the log
+//! OUT/tensorboard/      the log as TensorBoard reads it, if that was asked for
 //! OUT/model.safetensors the result
 //! ```
 //!
@@ -12,6 +13,7 @@
 //! left over from a kill and removed by the next checkpoint.
 
 use super::cnns::take_cnns;
+use super::events;
 use super::options::Options;
 use super::state::{EpochLine, StageState, csv};
 use crate::data::Identity;
@@ -104,7 +106,8 @@ impl Checkpoints {
         let mut entries = fs::read_dir(&self.folder).map_err(unable("read", &self.folder))?;
         let ours = |name: &std::ffi::OsStr| {
             let name = name.to_string_lossy();
-            name == "lost+found" || name.starts_with("stage-") || name == "state.json.new"
+            ["lost+found", "state.json.new", events::FOLDER].contains(&name.as_ref())
+                || name.starts_with("stage-")
         };
         let occupant = entries.find_map(|entry| {
             let name = entry.ok()?.file_name();

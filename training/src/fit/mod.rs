@@ -8,11 +8,13 @@
 //! | [`network`] | what a stage trains |
 //! | [`stage`] | its epochs and steps |
 //! | [`state`], [`checkpoint`] | what is left on the disk |
+//! | `events` | the log as TensorBoard reads it |
 //! | `cnns` | the CNNs of another training, taken instead of trained again |
 
 pub mod checkpoint;
 mod cnns;
 mod curves;
+mod events;
 pub mod inputs;
 pub mod network;
 pub mod options;
@@ -36,6 +38,7 @@ use burn::tensor::Device;
 use checkpoint::{Checkpoints, MODEL, State};
 use cnns::StageName;
 use dataset::Split;
+use events::Events;
 use export::file::write_bytes;
 use export::observability::Observed;
 use half::f16;
@@ -82,6 +85,8 @@ pub struct Files<'a> {
     /// How much photographs show of each parameter, if losses count as much. The options have its
     /// digest.
     pub observed: Option<&'a Observed>,
+    /// Whether the log is written as TensorBoard's event files too.
+    pub tensorboard: bool,
 }
 
 /// Trains a variant on pairs into a folder, or goes on with the training that the folder holds.
@@ -108,6 +113,11 @@ pub fn train(
         log: Vec::new(),
     };
     let state = checkpoints.resume_or(fresh, files.cnns)?;
+    let names = options.colours.axes().map(|axis| axis.name);
+    let folder = files.out.join(events::FOLDER);
+    let events = files
+        .tensorboard
+        .then(|| Events::begin(&folder, names, &state.log));
     let codes = Codes::new(pairs, options.encoding);
     let mut training = Training {
         pairs,
@@ -118,6 +128,7 @@ pub fn train(
         device: device.clone().autodiff(),
         checkpoints,
         state,
+        events: events.transpose()?,
         tell,
         number: 0,
     };
@@ -188,6 +199,7 @@ struct Training<'a> {
     device: Device,
     checkpoints: Checkpoints,
     state: State,
+    events: Option<Events>,
     tell: &'a dyn Fn(Progress<'_>),
     // Of the next stage.
     number: u32,
@@ -388,6 +400,9 @@ impl Training<'_> {
                 .write_stage(&self.state, &learner.packed()?)?;
             self.checkpoints.write_log(&self.state)?;
             if let Some(line) = self.state.log.last() {
+                if let Some(events) = &mut self.events {
+                    events.append(line)?;
+                }
                 (self.tell)(Progress::Epoch {
                     line,
                     epochs: stage.epochs,

@@ -74,6 +74,15 @@ impl Axis {
 }
 
 impl Colours {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lab => "lab",
+            Self::Rgb => "rgb",
+            Self::Scaled => "scaled",
+        }
+    }
+
     /// The ten axes in the order of theta: R, A, psi, N_d, three of RGB0, three of RGB90.
     pub fn axes(self) -> [Axis; PARAMETERS] {
         const CODES: [&str; 6] = ["r0", "g0", "b0", "r90", "g90", "b90"];

@@ -21,6 +21,7 @@ fn thirty_two_materials_are_learned_by_heart_in_100_steps() {
         out: out.path(),
         cnns: None,
         observed: None,
+        tensorboard: false,
     };
     let least = Cell::new(f64::INFINITY);
     train(&pairs, &options, files, &Device::flex(), &|event| {

@@ -35,6 +35,7 @@ fn check(preset: Preset, variant: Variant) {
         out: folder.path(),
         cnns: None,
         observed: None,
+        tensorboard: false,
     };
     let device = Device::flex();
     let path = train(&pairs, &options, files, &device, &|_| {}).unwrap();

@@ -1,0 +1,30 @@
+#!/usr/bin/env bash
+# What the tests of derivatives and bounds show on a few materials, on many.
+#
+#   tests/inverse.sh bounds [MATERIALS [COPIES]]
+#
+# Refines COPIES (200) noisy copies of the pair of photographs of each of MATERIALS (10), and compares
+# the spread of every parameter with its Cramer-Rao bound.
+#
+#   tests/inverse.sh derivatives [MATERIALS [SIDE [ACCURACY [TIGHT]]]]
+#
+# Compares derivatives of images of SIDE x SIDE (16) pixels rendered to a relative ACCURACY (1e-3)
+# with extrapolated differences of images rendered to TIGHT (1e-4), over all views of the hard cases
+# and of MATERIALS (50).
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+case "${1:-}" in
+  bounds)
+    export BRDFARM_MATERIALS="${2:-10}" BRDFARM_COPIES="${3:-200}"
+    ;;
+  derivatives)
+    export BRDFARM_MATERIALS="${2:-50}" BRDFARM_SIDE="${3:-16}"
+    export BRDFARM_ACCURACY="${4:-1e-3}" BRDFARM_TIGHT_ACCURACY="${5:-1e-4}"
+    ;;
+  *)
+    sed -n '2,/^set /{/^#/p}' "$0" >&2
+    exit 2
+    ;;
+esac
+cargo test --release -p inverse --test inverse "campaign_of_$1" -- --ignored --nocapture
