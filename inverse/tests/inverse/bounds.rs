@@ -2,7 +2,11 @@
 
 use crate::scene::{BACKEND, Draws, films, from_environment, observe, preset};
 use dataset::{Material, Specification};
-use inverse::{Differentiator, Encoding, Information, NAMES, PARAMETERS, Refiner, Settings, Theta};
+use inverse::{
+    Differentiator, Encoding, Information, NAMES, PARAMETERS, Refiner, Settings, Theta,
+    ViewDerivatives,
+};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
 use renderer::Renderer;
 
@@ -15,16 +19,14 @@ const NOISE_SD: f64 = 1.0 / 255.0;
 /// Bounds above this are not looked at: images are not linear over so much of a range.
 const BOUND_MAX: f64 = 0.05;
 
-/// The problem counts as linear in a parameter where images that are a standard deviation away differ
-/// from what derivatives say by no more than this share of the difference.
+/// The problem counts as linear in a parameter whose curvature ([`Bench::curvature`]) is below this.
 const CURVATURE_MAX: f64 = 0.1;
 
 /// What refinements of noisy images found of one parameter.
 struct Spread {
     parameter: usize,
     bound: f64,
-    /// Share of the images' change over one standard deviation that derivatives leave out; infinite
-    /// where two standard deviations leave a range.
+    /// See [`Bench::curvature`]; infinite where two standard deviations leave a range.
     curvature: f64,
     /// Over the copies.
     mean: f64,
@@ -46,7 +48,7 @@ impl Spread {
         } = self;
         let name = NAMES[*parameter];
         format!(
-            "{name}: bound {bound:.2e}, spread {sd:.2e}, ratio {:.3}, mean {mean:.1e}, left out \
+            "{name}: bound {bound:.2e}, spread {sd:.2e}, ratio {:.3}, mean {mean:.1e}, curvature \
              {curvature:.1e}",
             sd / bound
         )
@@ -74,40 +76,26 @@ impl Bench {
 
     /// Of every parameter whose bound is small enough.
     fn spreads(&self, truth: &Material, copies: usize, seed: u64) -> Vec<Spread> {
-        let information = self.information(truth);
-        let bounds = information.bounds(NOISE_SD).expect("bounds");
-        let covariance = information
-            .posterior_covariance(NOISE_SD)
-            .expect("a covariance");
+        let derivatives = self.differentiator.views(truth, &VIEWS);
+        let derivatives = derivatives.expect("derivatives");
+        let tangent = Tangent::new(&derivatives);
         let deviations = self.deviations(truth, copies, seed);
-        let bounded = bounds.into_iter().enumerate();
+        let bounded = bounds(&derivatives).into_iter().enumerate();
         bounded
             .filter(|(_, bound)| *bound <= BOUND_MAX)
             .map(|(parameter, bound)| {
-                let sd = covariance[(parameter, parameter)].sqrt();
-                let away = std::array::from_fn(|other| covariance[(parameter, other)] / sd);
                 let values = deviations.iter().map(|deviation| deviation[parameter]);
                 let mean = values.clone().sum::<f64>() / copies as f64;
                 let squares: f64 = values.map(|value| (value - mean) * (value - mean)).sum();
                 Spread {
                     parameter,
                     bound,
-                    curvature: self.curvature(truth, &information, &away),
+                    curvature: self.curvature(truth, &tangent, parameter),
                     mean,
                     sd: (squares / (copies - 1) as f64).sqrt(),
                 }
             })
             .collect()
-    }
-
-    fn information(&self, truth: &Material) -> Information {
-        let derivatives = self.differentiator.views(truth, &VIEWS);
-        let parts: Vec<Information> = derivatives
-            .expect("derivatives")
-            .iter()
-            .map(|view| Information::of_view(view, Encoding::Srgb))
-            .collect();
-        Information::sum(&parts).expect("two views")
     }
 
     /// Estimates less the truth, of noisy copies of its images.
@@ -123,50 +111,97 @@ impl Bench {
         (0..copies).into_par_iter().map(deviation).collect()
     }
 
-    /// The share of the images' change over `away`, to either side, that derivatives leave out.
-    fn curvature(
-        &self,
-        truth: &Material,
-        information: &Information,
-        away: &[f64; PARAMETERS],
-    ) -> f64 {
+    /// By how many of its standard deviations least squares would shift a parameter for what the images
+    /// are off the derivatives, one standard deviation of it away on either side. What no parameter can
+    /// explain shifts none.
+    fn curvature(&self, truth: &Material, tangent: &Tangent, parameter: usize) -> f64 {
+        let sd = tangent.sd(parameter);
         let theta = Theta::of(truth);
-        let at = |sign: f64| {
-            let moved = theta
-                .0
-                .iter()
-                .zip(away)
-                .map(|(value, by)| value + sign * by);
-            moved.collect::<Vec<f64>>()
+        let at = |sign: f64| -> [f64; PARAMETERS] {
+            let along = |other| tangent.covariance[(parameter, other)] / sd;
+            std::array::from_fn(|other| theta.0[other] + sign * along(other))
         };
         let psi = 2;
         let inside = |sign: f64| {
-            let moved = at(sign).into_iter().enumerate();
-            moved
-                .into_iter()
-                .all(|(parameter, value)| parameter == psi || (0.0..=1.0).contains(&value))
+            let mut values = at(sign).into_iter().enumerate();
+            values.all(|(other, value)| other == psi || (0.0..=1.0).contains(&value))
         };
         if !inside(2.0) || !inside(-2.0) {
             return f64::INFINITY;
         }
         let codes = |sign: f64| -> Vec<f64> {
-            let moved = Theta(at(sign).try_into().expect("ten")).material();
-            let images = films(&self.renderer, &moved, &VIEWS);
+            let images = films(&self.renderer, &Theta(at(sign)).material(), &VIEWS);
             let channels = images.iter().flatten().flatten();
             channels.map(|&value| Encoding::Srgb.value(value)).collect()
         };
         let [below, here, above] = [-1.0, 0.0, 1.0].map(codes);
-        // Even orders show as the mean of both sides, odd ones as another slope than J's.
-        let triples = below.iter().zip(&here).zip(&above);
-        let (mut even, mut odd) = (0.0, 0.0);
-        for ((below, here), above) in triples {
-            let [even_part, odd_part] = [0.5 * (above + below) - here, 0.5 * (above - below)];
-            even += even_part * even_part;
-            odd += odd_part * odd_part;
+        let sides = [(&below, -1.0), (&above, 1.0)].map(|(codes, sign)| {
+            let change = codes.iter().zip(&here).map(|(there, here)| there - here);
+            let shift = tangent.shift(change);
+            (shift[parameter] - sign * sd).abs() / sd
+        });
+        sides[0].max(sides[1])
+    }
+}
+
+fn bounds(derivatives: &[ViewDerivatives]) -> Vec<f64> {
+    let of_view = |view| Information::of_view(view, Encoding::Srgb);
+    let parts: Vec<Information> = derivatives.iter().map(of_view).collect();
+    let information = Information::sum(&parts).expect("two views");
+    information.bounds(NOISE_SD).expect("bounds")
+}
+
+/// The images to first order.
+struct Tangent {
+    /// J, a column for each parameter.
+    jacobian: DMatrix<f64>,
+    /// Of the parameters, for [`NOISE_SD`], along the directions that the images tell well. Along others,
+    /// such as a common factor of the colours, estimates wander over ranges, and nothing is linear.
+    covariance: DMatrix<f64>,
+}
+
+impl Tangent {
+    fn new(derivatives: &[ViewDerivatives]) -> Self {
+        let column = |parameter| {
+            let views = derivatives.iter();
+            let column = views.flat_map(move |view| view.encoded(parameter, Encoding::Srgb));
+            let column = column.map(|[derivative, _]| derivative);
+            DVector::from_iterator(
+                3 * derivatives
+                    .iter()
+                    .map(|view| view.pixels.len())
+                    .sum::<usize>(),
+                column,
+            )
+        };
+        let columns: Vec<DVector<f64>> = (0..PARAMETERS).map(column).collect();
+        let jacobian = DMatrix::from_columns(&columns);
+        let eigen = SymmetricEigen::new(jacobian.transpose() * &jacobian);
+        let mut covariance = DMatrix::zeros(PARAMETERS, PARAMETERS);
+        for (value, vector) in eigen
+            .eigenvalues
+            .iter()
+            .zip(eigen.eigenvectors.column_iter())
+        {
+            let variance = NOISE_SD * NOISE_SD / value;
+            if variance > 0.0 && variance <= BOUND_MAX * BOUND_MAX {
+                covariance += variance * vector * vector.transpose();
+            }
         }
-        let [linear, _] = information.change_along(away);
-        let slope = (odd.sqrt() / linear - 1.0).abs();
-        slope.max(even.sqrt() / linear)
+        Self {
+            jacobian,
+            covariance,
+        }
+    }
+
+    fn sd(&self, parameter: usize) -> f64 {
+        self.covariance[(parameter, parameter)].sqrt()
+    }
+
+    /// The parameters that explain a change of the images best.
+    fn shift(&self, change: impl Iterator<Item = f64>) -> DVector<f64> {
+        let change = DVector::from_iterator(self.jacobian.nrows(), change);
+        &self.covariance * (self.jacobian.transpose() * change) / (NOISE_SD * NOISE_SD)
     }
 }
 

@@ -69,7 +69,14 @@ struct Scalar {
 pub(super) struct Events {
     folder: PathBuf,
     names: [&'static str; PARAMETERS],
-    files: BTreeMap<String, File>,
+    files: BTreeMap<String, OpenFile>,
+}
+
+/// The event file of a network.
+#[derive(Debug)]
+struct OpenFile {
+    path: PathBuf,
+    file: File,
 }
 
 impl Events {
@@ -95,24 +102,34 @@ impl Events {
 
     /// Appends an epoch.
     pub fn append(&mut self, line: &EpochLine) -> Result<(), TrainingError> {
-        let folder = self.folder.join(&line.stage);
         let now = seconds();
-        let path = folder.join(format!("{FILE_START}{now:.0}.brdfarm"));
         if !self.files.contains_key(&line.stage) {
-            fs::create_dir_all(&folder).map_err(unable("make", &folder))?;
-            let mut file = File::create(&path).map_err(unable("write", &path))?;
-            let version = What::FileVersion(FILE_VERSION.to_owned());
-            file.write_all(&record(now, 0, version))
-                .map_err(unable("write", &path))?;
-            self.files.insert(line.stage.clone(), file);
+            let open = OpenFile::begin(&self.folder.join(&line.stage), now)?;
+            self.files.insert(line.stage.clone(), open);
         }
-        let Some(file) = self.files.get_mut(&line.stage) else {
+        let Some(open) = self.files.get_mut(&line.stage) else {
             unreachable!("it was put there");
         };
         let summary = What::Summary(summary(line, self.names));
-        file.write_all(&record(now, i64::from(line.epoch), summary))
-            .map_err(unable("write", &path))?;
-        Ok(())
+        open.append(&record(now, i64::from(line.epoch), summary))
+    }
+}
+
+impl OpenFile {
+    /// A new event file in a network's folder.
+    fn begin(folder: &Path, now: f64) -> Result<Self, TrainingError> {
+        fs::create_dir_all(folder).map_err(unable("make", folder))?;
+        let path = folder.join(format!("{FILE_START}{now:.0}.brdfarm"));
+        let file = File::create(&path).map_err(unable("write", &path))?;
+        let mut open = Self { path, file };
+        let version = What::FileVersion(FILE_VERSION.to_owned());
+        open.append(&record(now, 0, version))?;
+        Ok(open)
+    }
+
+    fn append(&mut self, record: &[u8]) -> Result<(), TrainingError> {
+        let written = self.file.write_all(record);
+        Ok(written.map_err(unable("write", &self.path))?)
     }
 }
 
