@@ -6,8 +6,10 @@ use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{shutdown, specification, store_name};
 use clap::{Args, Subcommand};
+use coordinator::Coordinator;
 use coordinator::security::{Security, Tls};
-use coordinator::{AnyStore, BlobsPlace, Coordinator, Policy, StoreName};
+use datastore::{AnyStore, BlobsPlace, StoreName};
+use jobqueue::Policy;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
@@ -56,16 +58,16 @@ pub struct Options {
     #[arg(long, value_name = "IP:PORT")]
     metrics: Option<SocketAddr>,
     /// How long a worker may be silent before its work is given to others
-    #[arg(long, default_value_t = coordinator::limits::LEASE.as_secs(), value_name = "SECONDS",
+    #[arg(long, default_value_t = limits::LEASE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     lease_seconds: u64,
     /// How long one material may take before it is given to another worker
-    #[arg(long, default_value_t = coordinator::limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
+    #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
     /// Percent of the materials that a second worker renders again, to the same bytes or somebody
     /// is barred
-    #[arg(long, default_value_t = f64::from(coordinator::limits::CHECKS_PER_MILLION) / 1e4,
+    #[arg(long, default_value_t = f64::from(limits::CHECKS_PER_MILLION) / 1e4,
           value_name = "PERCENT", value_parser = percent)]
     check_percent: f64,
     /// End once every material is complete

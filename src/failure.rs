@@ -1,12 +1,13 @@
 //! What a failure tells the shell.
 
-use coordinator::migration::MigrationError;
-use coordinator::shared_store::DatabaseError;
-use coordinator::{CoordinatorError, SharedStoreError, StoreError};
+use coordinator::CoordinatorError;
 use dataset::{IndexListError, SpecificationError};
+use datastore::shared::DatabaseError;
+use datastore::{SharedStoreError, StoreError};
 use export::ExportError;
 use export::diff::DiffError;
 use export::import::ImportError;
+use migrate::MigrationError;
 use std::error::Error;
 use std::io::{self, Write};
 use std::process::ExitCode;

@@ -7,7 +7,6 @@ use dataset::IndexList;
 use proto::{
     CancelJobsRequest, Check, ControlClient, JobDetail, JobSelection, JobState, JobsChanged,
     ListJobsRequest, ListJobsResponse, MaterialRange, PrioritizeJobsRequest, RetryJobsRequest,
-    limits,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -87,7 +86,7 @@ pub struct Prioritize {
     /// Higher goes first; 0 is what all have
     #[arg(long, allow_negative_numbers = true, value_name = "N",
           value_parser = clap::value_parser!(i32).range(
-              -(limits::PRIORITY_MAX as i64)..=limits::PRIORITY_MAX as i64))]
+              -(limits::protocol::PRIORITY_MAX as i64)..=limits::protocol::PRIORITY_MAX as i64))]
     priority: i32,
 }
 
@@ -249,7 +248,7 @@ fn each(
         let message = ListJobsRequest {
             selection: Some(selection.clone()),
             from,
-            jobs_max: limits::JOBS_LISTED_MAX,
+            jobs_max: limits::protocol::JOBS_LISTED_MAX,
         };
         let method = async |mut client: ControlClient, request: Request<ListJobsRequest>| {
             client.list_jobs(request).await

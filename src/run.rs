@@ -5,11 +5,10 @@ use crate::plural::count;
 use crate::progress::FarmBar;
 use crate::{cores, shutdown, specification, store_name};
 use clap::Args;
-use coordinator::{
-    AnyStore, BlobsPlace, Coordinator, Policy, Progress, ReadOnlyStore, RunningCoordinator,
-    StoreName,
-};
+use coordinator::{Coordinator, Progress, RunningCoordinator};
+use datastore::{AnyStore, BlobsPlace, ReadOnlyStore, StoreName};
 use export::manifest::{Format, export};
+use jobqueue::Policy;
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
 use std::path::Path;

@@ -3,8 +3,8 @@
 use crate::plural::count;
 use crate::{progress, store_name};
 use clap::{Args, Subcommand};
-use coordinator::migration::migrate;
-use coordinator::{BlobsPlace, StoreName};
+use datastore::{BlobsPlace, StoreName};
+use migrate::migrate;
 use serde_json::json;
 use std::io::{self, Write};
 

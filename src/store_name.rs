@@ -1,8 +1,8 @@
 //! A store on the command line: a folder, or a PostgreSQL database.
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use coordinator::{AnyStore, BlobsPlace, SharedStore, Store, StoreError, StoreName};
 use dataset::Specification;
+use datastore::{AnyStore, BlobsPlace, SharedStore, Store, StoreError, StoreName};
 use tokio::runtime::Runtime;
 
 /// What stands for it in a command's help.

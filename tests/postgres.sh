@@ -15,8 +15,8 @@ cd "$(dirname "$0")/.."
 
 deploy/install-postgres.sh
 case "${1:-}" in
-  model) cargo test -p coordinator --lib for_long -- --ignored --nocapture ;;
-  measure) cargo test --release -p coordinator --lib three_million_jobs -- --ignored --nocapture ;;
+  model) cargo test -p jobstore-postgres --lib for_long -- --ignored --nocapture ;;
+  measure) cargo test --release -p jobstore-postgres --lib three_million_jobs -- --ignored --nocapture ;;
   migrate) cargo test --release --test shared_store scale -- --ignored --nocapture ;;
   *) sed -n '2,/^set/{s/^# \{0,1\}//;/^set/!p}' "$0" >&2; exit 2 ;;
 esac

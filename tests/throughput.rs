@@ -13,7 +13,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 #![allow(clippy::print_stdout, reason = "the figures are what this run is for")]
 
-#[path = "../coordinator/tests/store/cheap_image.rs"]
+#[path = "../datastore/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "others use the rest")]
 mod cheap_image;
 #[allow(dead_code, reason = "other tests use the rest")]
@@ -21,13 +21,13 @@ mod process;
 
 use bytes::Bytes;
 use cheap_image::cheap_image;
-use coordinator::ReadOnlyStore;
 use dataset::{Digest, Specification};
+use datastore::ReadOnlyStore;
+use limits::protocol::IMAGES_BROUGHT_BYTES_MAX;
 use process::Process;
 use proto::{
     FarmClient,
     client::{Credentials, with_deadline, with_deadline_after},
-    limits::IMAGES_BROUGHT_BYTES_MAX,
 };
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::{

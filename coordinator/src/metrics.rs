@@ -1,7 +1,8 @@
 //! What the farm counts and measures, for Prometheus.
 
-use crate::farm::Report;
+use crate::report::Report;
 use axum::{Router, http::header::CONTENT_TYPE, routing::get};
+use jobstore::Meter;
 use prometheus_client::{
     encoding::text::encode,
     metrics::{
@@ -138,15 +139,6 @@ impl Metrics {
         self.upload_seconds.observe(time.as_secs_f64());
     }
 
-    pub fn note_publication(&self, time: Duration) {
-        self.publication_seconds.observe(time.as_secs_f64());
-    }
-
-    pub fn note_commit(&self, time: Duration, transitions: usize) {
-        self.commit_seconds.observe(time.as_secs_f64());
-        self.commit_transitions.observe(transitions as f64);
-    }
-
     /// Notes a call by its path and, where it was refused, the gRPC code.
     pub fn note_call(&self, path: &str, time: Duration, refused: Option<tonic::Code>) {
         let call = call_name(path);
@@ -187,6 +179,17 @@ impl Metrics {
             unreachable!("writing to a string does not fail");
         }
         text
+    }
+}
+
+impl Meter for Metrics {
+    fn note_publication(&self, time: Duration) {
+        self.publication_seconds.observe(time.as_secs_f64());
+    }
+
+    fn note_commit(&self, time: Duration, transitions: usize) {
+        self.commit_seconds.observe(time.as_secs_f64());
+        self.commit_transitions.observe(transitions as f64);
     }
 }
 

@@ -1,6 +1,6 @@
 //! The workers that are registered.
 
-use crate::{limits, token::WorkerId};
+use jobqueue::token::WorkerId;
 use std::{collections::HashMap, time::Duration};
 
 /// One registration.

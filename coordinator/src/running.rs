@@ -1,32 +1,25 @@
 //! Starting and stopping a coordinator.
 
 use crate::{
-    board::BoardError,
-    farm::{Farm, Progress},
-    file_error::FileError,
-    limits,
+    farm::Farm,
     metrics::{self, Metrics},
-    queue::Policy,
+    options::Options,
+    report::Progress,
     security::{
         Security,
         doorway::{self, Guest},
         guard::Guard,
     },
     service::{ControlService, FarmService},
-    shared_store::SharedStore,
-    store::Store,
 };
 use dataset::{
     Specification,
     specification::{Image, Pixel},
 };
-use std::{
-    error::Error as _,
-    fs::File,
-    io,
-    net::{Ipv4Addr, SocketAddr},
-    sync::Arc,
-};
+use datastore::AnyStore;
+use imagestore::FileError;
+use jobstore::BoardError;
+use std::{error::Error as _, fs::File, io, net::SocketAddr, sync::Arc};
 use thiserror::Error;
 use tokio::{
     net::TcpListener,
@@ -37,44 +30,6 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::{self, Certificate, Server, ServerTlsConfig};
 use tower::layer::util::{Identity, Stack};
-
-/// Where and how a coordinator serves.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// The address to listen on; port 0 takes a free one.
-    pub listen: SocketAddr,
-    /// What protects it.
-    pub security: Security,
-    /// Whether an address that other machines reach may be served without that.
-    pub insecure: bool,
-    /// Where to serve Prometheus metrics, over plain HTTP and to everybody; nowhere unless asked.
-    pub metrics: Option<SocketAddr>,
-    /// The queue's limits.
-    pub policy: Policy,
-    /// Of a million completed materials, how many are rendered a second time by another worker, and
-    /// have to come out the same.
-    pub checks_per_million: u32,
-    /// Whether materials that were set aside get another chance now.
-    pub retry_set_aside: bool,
-    /// Whether leases of before the start go on. False where nobody can hold one any more, as when
-    /// the workers were threads of a process that is gone.
-    pub keep_leases: bool,
-}
-
-impl Default for Options {
-    fn default() -> Self {
-        Self {
-            listen: (Ipv4Addr::LOCALHOST, 0).into(),
-            security: Security::default(),
-            insecure: false,
-            metrics: None,
-            policy: Policy::default(),
-            checks_per_million: limits::CHECKS_PER_MILLION,
-            retry_set_aside: true,
-            keep_leases: true,
-        }
-    }
-}
 
 /// Why a coordinator does not serve, or serves no longer.
 #[derive(Debug, Error)]
@@ -98,7 +53,7 @@ pub enum CoordinatorError {
     #[error(
         "an image of {width} x {height} pixels can have {bytes} bytes, more than the {max} that a \
          worker can send: lower image.width or image.height",
-        max = proto::limits::BLOB_BYTES_MAX
+        max = limits::protocol::BLOB_BYTES_MAX
     )]
     ImageTooLarge {
         /// Pixels a row.
@@ -141,37 +96,6 @@ pub struct Services<F, C> {
     _stop: watch::Sender<bool>,
     // The last to go, as in RunningCoordinator.
     _lock: Option<File>,
-}
-
-/// What a coordinator serves.
-pub enum AnyStore {
-    /// A folder, which is its alone.
-    Own(Box<Store>),
-    /// A database, beside other coordinators. What was set aside stays so until an operator says
-    /// otherwise: coordinators come and go.
-    Shared(Box<SharedStore>),
-}
-
-impl AnyStore {
-    /// The specification; its number of materials is the largest ever asked for.
-    pub fn specification(&self) -> &Specification {
-        match self {
-            Self::Own(store) => store.specification(),
-            Self::Shared(store) => store.specification(),
-        }
-    }
-}
-
-impl From<Store> for AnyStore {
-    fn from(store: Store) -> Self {
-        Self::Own(Box::new(store))
-    }
-}
-
-impl From<SharedStore> for AnyStore {
-    fn from(store: SharedStore) -> Self {
-        Self::Shared(Box::new(store))
-    }
 }
 
 /// Starts a coordinator over a store.
@@ -348,12 +272,12 @@ type GuardedServer = Server<Stack<Guard, Identity>>;
 
 fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, CoordinatorError> {
     let mut server = Server::builder()
-        .concurrency_limit_per_connection(proto::limits::CALLS_PER_CONNECTION_MAX)
-        .max_concurrent_streams(proto::limits::CALLS_PER_CONNECTION_MAX as u32)
+        .concurrency_limit_per_connection(limits::protocol::CALLS_PER_CONNECTION_MAX)
+        .max_concurrent_streams(limits::protocol::CALLS_PER_CONNECTION_MAX as u32)
         .http2_max_header_list_size(limits::HEADER_BYTES_MAX)
-        .http2_keepalive_interval(Some(proto::limits::KEEPALIVE_INTERVAL))
-        .http2_keepalive_timeout(Some(proto::limits::KEEPALIVE_TIMEOUT))
-        .timeout(proto::limits::LEASE_WAIT_MAX + proto::limits::CALL_DEADLINE);
+        .http2_keepalive_interval(Some(limits::protocol::KEEPALIVE_INTERVAL))
+        .http2_keepalive_timeout(Some(limits::protocol::KEEPALIVE_TIMEOUT))
+        .timeout(limits::protocol::LEASE_WAIT_MAX + limits::protocol::CALL_DEADLINE);
     if let Some(tls) = &security.tls {
         let identity = transport::Identity::from_pem(&tls.certificate, &tls.key);
         let mut config = ServerTlsConfig::new()
@@ -450,7 +374,7 @@ fn check_image_size(image: &Image) -> Result<(), CoordinatorError> {
     // What does not compress is stored as it is.
     let pixels = u64::from(width) * u64::from(height);
     let bytes = 3 * sample_bytes * pixels + limits::IMAGE_OVERHEAD_BYTES_MAX;
-    if bytes > proto::limits::BLOB_BYTES_MAX {
+    if bytes > limits::protocol::BLOB_BYTES_MAX {
         return Err(CoordinatorError::ImageTooLarge {
             width,
             height,

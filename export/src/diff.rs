@@ -1,8 +1,9 @@
 //! Two stores or manifests, image by image: labels, digests, pixels.
 
 use crate::manifest::read::{ReadError, read};
-use coordinator::{FileError, ReadOnlyStore, StoreError, StoreName, acceptance::decode};
 use dataset::{CompletedView, manifest::Row};
+use datastore::{ReadOnlyStore, StoreError, StoreName};
+use imagestore::{FileError, acceptance::decode};
 use serde::Serialize;
 use std::{
     collections::BTreeMap,

@@ -1,7 +1,8 @@
 //! Why nothing was exported.
 
 use crate::{manifest::ManifestError, rectify::RectifyError};
-use coordinator::{FileError, StoreName};
+use datastore::StoreName;
+use imagestore::FileError;
 use std::path::PathBuf;
 use thiserror::Error;
 

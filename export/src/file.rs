@@ -1,6 +1,6 @@
 //! Files that are there whole or not at all.
 
-pub use coordinator::FileError;
+pub use imagestore::FileError;
 
 use std::{
     fs::{self, File},

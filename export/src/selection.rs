@@ -1,8 +1,8 @@
 //! Which materials and views leave.
 
 use crate::error::ExportError;
-use coordinator::ReadOnlyStore;
 use dataset::{CompletedView, Split, manifest::Row};
+use datastore::ReadOnlyStore;
 
 /// What is wanted of a store.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

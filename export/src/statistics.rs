@@ -4,8 +4,9 @@ use crate::{
     error::ExportError,
     selection::{Chosen, Selection},
 };
-use coordinator::{ReadOnlyStore, acceptance::decode};
 use dataset::{CompletedView, Digest, RENDERER_VERSION, Split};
+use datastore::ReadOnlyStore;
+use imagestore::acceptance::decode;
 use serde::Serialize;
 
 /// Below it in every channel a pixel is dark, in units of white.

@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
-use coordinator::{Completion, Store};
 use dataset::{CompletedView, Digest, ErrorStatistics, Specification};
+use datastore::Store;
 use exr::prelude::*;
+use jobqueue::Completion;
 use std::{env, io::Cursor, path::PathBuf};
 
 /// Bytes of an image: what the preset's images have in the mean.

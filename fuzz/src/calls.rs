@@ -1,8 +1,9 @@
 //! Messages of any call, to a live coordinator.
 
 use crate::seeds;
-use coordinator::{Coordinator, Options, Store};
+use coordinator::{Coordinator, Options};
 use dataset::{RENDERER_VERSION, Specification};
+use datastore::Store;
 use prost::Message;
 use proto::{Control, Farm, JobSelection, JobState};
 use std::sync::{LazyLock, Mutex, PoisonError};

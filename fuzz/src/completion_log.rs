@@ -1,10 +1,8 @@
 //! The completion log of a store.
 
-use coordinator::{
-    Completion,
-    completion_log::{CompletionLog, Completions},
-};
 use dataset::Digest;
+use jobqueue::Completion;
+use jobstore::completion_log::{CompletionLog, Completions};
 use std::{fs, sync::LazyLock};
 use tempfile::TempDir;
 

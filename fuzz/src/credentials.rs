@@ -1,7 +1,8 @@
 //! Who somebody is: token files, tokens, and what a client is configured with.
 
-use coordinator::{security::Tokens, token::Token};
+use coordinator::security::Tokens;
 use dataset::Digest;
+use jobqueue::token::Token;
 use proto::client::{self, Credentials};
 use std::{collections::HashSet, sync::LazyLock};
 use tokio::runtime::Runtime;

@@ -1,8 +1,8 @@
 //! Images that workers send.
 
 use crate::seeds::film;
-use coordinator::acceptance::{check_identity, decode, expected_headers, inspect};
 use dataset::{ImageHeader, Specification, specification::Pixel};
+use imagestore::acceptance::{check_identity, decode, expected_headers, inspect};
 
 /// Reads an image as uploads, imports and `verify` do.
 pub fn image(bytes: &[u8]) -> bool {

@@ -1,11 +1,11 @@
 //! Records of the queue, as a ledger gives them back.
 
-use coordinator::{
-    Completion, Policy,
-    queue::{Changes, JobChange, JobRecord, JobState, Mode, Queue, WorkerChange, WorkerRecord},
+use dataset::Digest;
+use jobqueue::{
+    Changes, Completion, JobChange, JobRecord, JobState, Mode, Policy, Queue, WorkerChange,
+    WorkerRecord,
     token::{Token, WorkerId},
 };
-use dataset::Digest;
 use serde::{Serialize, de::DeserializeOwned};
 use std::{collections::BTreeMap, fmt::Debug, time::Duration};
 

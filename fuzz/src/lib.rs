@@ -26,10 +26,10 @@
 
 mod calls;
 #[allow(dead_code, reason = "other tests use the rest")]
-#[path = "../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 mod command_line;
-#[path = "../../coordinator/tests/store/complete_store.rs"]
+#[path = "../../datastore/tests/store/complete_store.rs"]
 mod complete_store;
 mod completion_log;
 mod credentials;

@@ -3,23 +3,21 @@
 
 use crate::cheap_image::{Cheap, cheap_image};
 use crate::complete_store::{completion, make_store};
-use coordinator::{
-    ReadOnlyStore,
-    queue::{
-        Bar, BarCause, Check, Dispute, Failure, Holder, JobRecord, JobState, Mode, WorkerRecord,
-    },
-    token::{Token, WorkerId},
-};
 use dataset::{
     Digest, HARD_CASES, IMAGE_HEADER_ATTRIBUTE, RENDERER_VERSION, Specification,
     specification::{Image, Pixel},
 };
+use datastore::ReadOnlyStore;
 use export::{
     card::Publication,
     layout::{Layout, Options, export as export_layout},
     manifest::{Format, export},
     product::Products,
     selection::Selection,
+};
+use jobqueue::{
+    Bar, BarCause, Check, Dispute, Failure, Holder, JobRecord, JobState, Mode, WorkerRecord,
+    token::{Token, WorkerId},
 };
 use prost::Message;
 use serde::Serialize;

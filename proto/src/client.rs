@@ -1,6 +1,7 @@
 //! Connecting to a coordinator, with the deadlines, limits and credentials of every client.
 
-use crate::{ControlClient, FarmClient, HealthClient, limits};
+use crate::{ControlClient, FarmClient, HealthClient};
+use limits::protocol;
 use std::{fmt, net::IpAddr, time::Duration};
 use tonic::{
     Request, Status,
@@ -56,8 +57,8 @@ impl Interceptor for Bearer {
 /// The sentence that says what is wrong with the URL or the credentials.
 pub fn farm(url: &str, credentials: &Credentials) -> Result<FarmClient, String> {
     Ok(FarmClient::new(channel(url, credentials)?)
-        .max_decoding_message_size(limits::MESSAGE_BYTES_MAX)
-        .max_encoding_message_size(limits::MESSAGE_BYTES_MAX))
+        .max_decoding_message_size(protocol::MESSAGE_BYTES_MAX)
+        .max_encoding_message_size(protocol::MESSAGE_BYTES_MAX))
 }
 
 /// A person's client; otherwise as [`farm`].
@@ -66,8 +67,8 @@ pub fn farm(url: &str, credentials: &Credentials) -> Result<FarmClient, String> 
 /// The sentence that says what is wrong with the URL or the credentials.
 pub fn control(url: &str, credentials: &Credentials) -> Result<ControlClient, String> {
     Ok(ControlClient::new(channel(url, credentials)?)
-        .max_decoding_message_size(limits::MESSAGE_BYTES_MAX)
-        .max_encoding_message_size(limits::CONTROL_MESSAGE_BYTES_MAX))
+        .max_decoding_message_size(protocol::MESSAGE_BYTES_MAX)
+        .max_encoding_message_size(protocol::CONTROL_MESSAGE_BYTES_MAX))
 }
 
 /// A client of the standard health service, which asks for no token; otherwise as [`farm`].
@@ -90,9 +91,9 @@ fn channel(url: &str, credentials: &Credentials) -> Result<Channel, String> {
         return Err(wrong());
     };
     let mut endpoint = endpoint
-        .connect_timeout(limits::CONNECT_DEADLINE)
-        .http2_keep_alive_interval(limits::KEEPALIVE_INTERVAL)
-        .keep_alive_timeout(limits::KEEPALIVE_TIMEOUT)
+        .connect_timeout(protocol::CONNECT_DEADLINE)
+        .http2_keep_alive_interval(protocol::KEEPALIVE_INTERVAL)
+        .keep_alive_timeout(protocol::KEEPALIVE_TIMEOUT)
         .keep_alive_while_idle(true)
         .tcp_nodelay(true);
     match uri.scheme_str() {
@@ -144,7 +145,7 @@ fn is_loopback(host: &str) -> bool {
     host == "localhost" || bare.parse().is_ok_and(|ip: IpAddr| ip.is_loopback())
 }
 
-/// `message` as a request that both sides give up after [`limits::CALL_DEADLINE`].
+/// `message` as a request that both sides give up after [`protocol::CALL_DEADLINE`].
 pub fn with_deadline<M>(message: M) -> Request<M> {
     with_deadline_after(message, Duration::ZERO)
 }
@@ -152,7 +153,7 @@ pub fn with_deadline<M>(message: M) -> Request<M> {
 /// The same for a call that asks to wait: the deadline comes that much later.
 pub fn with_deadline_after<M>(message: M, wait: Duration) -> Request<M> {
     let mut request = Request::new(message);
-    request.set_timeout(limits::CALL_DEADLINE + wait);
+    request.set_timeout(protocol::CALL_DEADLINE + wait);
     request
 }
 

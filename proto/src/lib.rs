@@ -1,11 +1,12 @@
-//! The farm's protocol: `farm.proto`, the code generated from it, its limits, and how a client
-//! connects.
+//! The farm's protocol: `farm.proto`, the code generated from it, and how a client connects.
+//! Its limits are `limits::protocol`.
 //!
 //! This is the only crate that names generated types; the others use what is re-exported here.
 //! Messages carry plain bytes and numbers: what they mean is checked by whoever receives them.
 
 pub mod client;
-pub mod limits;
+
+use limits::protocol;
 
 /// Generated from `farm.proto`, whose comments document it.
 #[allow(
@@ -54,16 +55,16 @@ pub type ControlClient = generated::control_client::ControlClient<client::Channe
 pub type HealthClient = tonic_health::pb::health_client::HealthClient<client::Channel>;
 pub use tonic_health::pb::{HealthCheckRequest, health_check_response::ServingStatus};
 
-/// The service for workers over `farm`, with the message limits of [`limits`].
+/// The service for workers over `farm`, with the message limits of [`protocol`].
 pub fn farm_server<F: Farm>(farm: F) -> FarmServer<F> {
     FarmServer::new(farm)
-        .max_decoding_message_size(limits::MESSAGE_BYTES_MAX)
-        .max_encoding_message_size(limits::MESSAGE_BYTES_MAX)
+        .max_decoding_message_size(protocol::MESSAGE_BYTES_MAX)
+        .max_encoding_message_size(protocol::MESSAGE_BYTES_MAX)
 }
 
-/// The service for people over `control`, with the message limits of [`limits`].
+/// The service for people over `control`, with the message limits of [`protocol`].
 pub fn control_server<C: Control>(control: C) -> ControlServer<C> {
     ControlServer::new(control)
-        .max_decoding_message_size(limits::CONTROL_MESSAGE_BYTES_MAX)
-        .max_encoding_message_size(limits::MESSAGE_BYTES_MAX)
+        .max_decoding_message_size(protocol::CONTROL_MESSAGE_BYTES_MAX)
+        .max_encoding_message_size(protocol::MESSAGE_BYTES_MAX)
 }

@@ -2,7 +2,7 @@
 
 use crate::plural::count;
 use clap::Args;
-use coordinator::StoreName;
+use datastore::StoreName;
 use export::diff::diff;
 use export::file::write_bytes;
 use std::io::{self, Write};

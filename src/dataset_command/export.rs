@@ -5,13 +5,14 @@ use crate::failure::BadInput;
 use crate::plural::count;
 use crate::{cores, picture, progress};
 use clap::{Args, ValueEnum};
-use coordinator::{Bucket, BucketUrl, ReadOnlyStore};
 use dataset::{IndexList, Split};
+use datastore::ReadOnlyStore;
 use export::card::Publication;
 use export::layout::{self, Layout, Place, SHARD_BYTES, export};
 use export::product::Products;
 use export::rectify::SIDE_PIXELS_MAX;
 use export::selection::Selection;
+use imagestore::{Bucket, BucketUrl};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 

@@ -3,8 +3,8 @@
 use super::StoreOptions;
 use crate::plural::count;
 use clap::Args;
-use coordinator::garbage::{Unnamed, remove_unnamed, unnamed};
-use coordinator::{ReadOnlyStore, WritableStore};
+use datastore::garbage::{Unnamed, remove_unnamed, unnamed};
+use datastore::{ReadOnlyStore, WritableStore};
 use std::io::{self, Write};
 
 /// List the images that no completed material names, or remove them

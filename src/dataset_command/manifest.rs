@@ -3,7 +3,7 @@
 use super::StoreOptions;
 use crate::plural::count;
 use clap::{Args, Subcommand, ValueEnum};
-use coordinator::ReadOnlyStore;
+use datastore::ReadOnlyStore;
 use export::manifest::{self, export};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};

@@ -16,7 +16,7 @@ pub mod verify;
 
 use crate::store_name;
 use clap::{Args, Subcommand};
-use coordinator::StoreName;
+use datastore::StoreName;
 
 /// What can be done with a dataset.
 #[derive(Debug, Subcommand)]

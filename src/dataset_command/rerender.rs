@@ -1,7 +1,7 @@
 //! The renderer that checking and mending a store borrows.
 
-use coordinator::verify::{Rerender, Rerendered};
 use dataset::Specification;
+use datastore::verify::{Rerender, Rerendered};
 use renderer::geometry::BackendChoice;
 use renderer::reflectance::Reflectance;
 use renderer::scene::Scene;

@@ -3,7 +3,7 @@
 use super::StoreOptions;
 use crate::progress;
 use clap::Args;
-use coordinator::ReadOnlyStore;
+use datastore::ReadOnlyStore;
 use export::statistics::{Statistics, statistics};
 use std::io::{self, Write};
 

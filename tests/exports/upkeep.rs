@@ -2,10 +2,10 @@
 
 use crate::small::rendered;
 use crate::workplace::Workplace;
-use coordinator::acceptance::expected_headers;
-use coordinator::{ReadOnlyStore, Store};
 use dataset::{Digest, IMAGE_HEADER_ATTRIBUTE, Specification};
+use datastore::{ReadOnlyStore, Store};
 use exr::prelude::*;
+use imagestore::acceptance::expected_headers;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Cursor;

@@ -1,9 +1,9 @@
 //! Workers that lie, fail and hang: processes of their own, with the real renderer.
 
 use crate::harness::{Harness, Process, patience, wait_for};
-use coordinator::acceptance::decode;
 use dataset::{IMAGE_HEADER_ATTRIBUTE, SampledMaterial, Specification};
 use exr::prelude::*;
+use imagestore::acceptance::decode;
 use renderer::geometry::BackendChoice;
 use serde_json::Value;
 use std::env;

@@ -3,9 +3,10 @@
 use crate::harness::{Harness, Process, patience};
 use crate::s3::{BUCKET, Server, UPLOAD};
 use bytes::Bytes;
-use coordinator::{Completion, completion_log::CompletionLog};
 use dataset::{CompletedView, Digest, ErrorStatistics, SampledMaterial, Specification, blob_path};
 use futures_util::{StreamExt, TryStreamExt, stream};
+use jobqueue::Completion;
+use jobstore::completion_log::CompletionLog;
 use object_store::aws::AmazonS3Builder;
 use object_store::path::Path as Key;
 use object_store::{ObjectStore, ObjectStoreExt};
@@ -17,7 +18,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use worker::{Render, RenderFailure, RenderedView, Worker};
 
-#[path = "../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "the coordinator's tests use all of it")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 mod cheap_image;
@@ -246,7 +247,7 @@ fn plain_seconds(
             let store = Arc::clone(&store);
             async move { store.put(&key, bytes.into()).await }
         });
-        let puts = stream::iter(puts).buffer_unordered(worker::limits::UPLOADS_AT_ONCE);
+        let puts = stream::iter(puts).buffer_unordered(limits::worker::UPLOADS_AT_ONCE);
         puts.try_collect::<Vec<_>>().await.expect("written");
     });
     began.elapsed().as_secs_f64()

@@ -25,7 +25,7 @@ mod liar;
 mod network;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
-#[path = "../../coordinator/src/postgres/tests/server.rs"]
+#[path = "../../jobstore-postgres/src/testing.rs"]
 mod postgres;
 mod power;
 #[allow(dead_code, reason = "other tests use the rest")]

@@ -10,7 +10,7 @@ use std::path::Path;
 use tonic::{Code, Status};
 
 /// The largest image that a message can carry.
-const BYTES_MAX: usize = proto::limits::BLOB_BYTES_MAX as usize;
+const BYTES_MAX: usize = limits::protocol::BLOB_BYTES_MAX as usize;
 
 /// A zlib stream of `bytes` bytes that unpacks to 159 times as many zeros: one literal and then
 /// repetitions of it, 258 at a time, in 13 bits each.

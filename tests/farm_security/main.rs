@@ -5,7 +5,7 @@
     clippy::unwrap_used,
     reason = "other tests use the rest, and a panic there is a failed test"
 )]
-#[path = "../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 
 mod admission;

@@ -3,15 +3,16 @@
 use crate::cheap_image::small_specification;
 use crate::complete_store::completion;
 use crate::place::Place;
-use coordinator::completion_log::Completions;
-use coordinator::ledger::{Ledger, SledLedger};
-use coordinator::queue::{
+use dataset::{CompletedView, Digest, Specification};
+use datastore::{ReadOnlyStore, Store};
+use jobqueue::Completion;
+use jobqueue::token::{Token, WorkerId};
+use jobqueue::{
     Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
     WorkerChange, WorkerFailure, WorkerRecord,
 };
-use coordinator::token::{Token, WorkerId};
-use coordinator::{Completion, ReadOnlyStore, Store};
-use dataset::{CompletedView, Digest, Specification};
+use jobstore::completion_log::Completions;
+use jobstore::ledger::{Ledger, SledLedger};
 use std::path::Path;
 
 pub const MATERIALS: u32 = 40;

@@ -8,12 +8,12 @@
 
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
-#[path = "../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 mod commands;
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
-#[path = "../../coordinator/tests/store/complete_store.rs"]
+#[path = "../../datastore/tests/store/complete_store.rs"]
 mod complete_store;
 mod contents;
 #[path = "../draws/mod.rs"]
@@ -33,5 +33,5 @@ mod s3;
 mod scale;
 #[allow(dead_code, reason = "the coordinator's own tests use the rest")]
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
-#[path = "../../coordinator/src/postgres/tests/server.rs"]
+#[path = "../../jobstore-postgres/src/testing.rs"]
 mod server;

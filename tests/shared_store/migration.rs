@@ -78,13 +78,13 @@ fn what_is_half_of_a_copy_is_refused_until_the_same_command_ends_it() {
     let place = Place::new(MATERIALS);
     let expected = contents::make(&place.path().join("first"));
     contents::make(&place.path().join("other"));
-    let mut other = coordinator::Store::open(&place.path().join("other")).expect("a store");
+    let mut other = datastore::Store::open(&place.path().join("other")).expect("a store");
     let changed = other.completion_in_ledger(3).expect("read");
     let mut changed = changed.expect("complete");
     changed.seconds += 1.0;
     other.put(&[changed], &[]).expect("put");
     drop(other);
-    let store = coordinator::ReadOnlyStore::open(&place.path().join("first")).expect("a store");
+    let store = datastore::ReadOnlyStore::open(&place.path().join("first")).expect("a store");
     let late = store.completion(COMPLETE - 1).expect("read");
     let late = late.expect("complete").views[1].digest;
     let image = place.path().join("first").join(dataset::blob_path(&late));

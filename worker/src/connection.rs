@@ -1,6 +1,5 @@
 //! Calls that outlast the coordinator's absence: repeated with growing, jittered pauses.
 
-use crate::limits;
 use proto::{
     FarmClient,
     client::{self, Credentials, with_deadline_after},
@@ -175,7 +174,7 @@ fn is_final(code: Code) -> bool {
 fn asked_pause(status: &Status) -> Duration {
     let details = status.get_error_details();
     let asked = details.retry_info().and_then(|retry| retry.retry_delay);
-    asked.unwrap_or_default().min(limits::BACKOFF_MAX)
+    asked.unwrap_or_default().min(limits::worker::BACKOFF_MAX)
 }
 
 /// The pause after a failed attempt, counted from 0: none, then doubling up to a limit, each half
@@ -184,9 +183,9 @@ pub(crate) fn pause(attempt: u32) -> Duration {
     let Some(doublings) = attempt.checked_sub(1) else {
         return Duration::ZERO;
     };
-    let full = limits::BACKOFF_FIRST
+    let full = limits::worker::BACKOFF_FIRST
         .saturating_mul(1 << doublings.min(20))
-        .min(limits::BACKOFF_MAX);
+        .min(limits::worker::BACKOFF_MAX);
     // Without random numbers pauses are merely not spread.
     full.mul_f64(0.5 + 0.5 * random_fraction().unwrap_or(1.0))
 }
@@ -206,8 +205,8 @@ mod tests {
     fn pauses_grow_from_nothing_to_the_limit_and_differ() {
         assert_eq!(pause(0), Duration::ZERO);
         for attempt in 1..40 {
-            let full = limits::BACKOFF_FIRST * (1 << (attempt - 1).min(20));
-            let full = full.min(limits::BACKOFF_MAX);
+            let full = limits::worker::BACKOFF_FIRST * (1 << (attempt - 1).min(20));
+            let full = full.min(limits::worker::BACKOFF_MAX);
             let pause = pause(attempt);
             assert!(pause <= full && pause >= full / 2, "{attempt}: {pause:?}");
         }
@@ -271,7 +270,7 @@ mod tests {
         let began = Instant::now();
         assert_eq!(line.call((), &answer).await.unwrap(), 7);
         assert!(
-            began.elapsed() < limits::BACKOFF_FIRST,
+            began.elapsed() < limits::worker::BACKOFF_FIRST,
             "it paused before it had asked all"
         );
         assert_eq!(line.clone().call((), &answer).await.unwrap(), 7);

@@ -3,18 +3,17 @@
 use crate::{
     connection::{CallError, Connection, pause},
     job::{Job, RenderedJob},
-    limits,
     render::RenderedView,
     upload::Uploader,
 };
 use bytes::Bytes;
 use dataset::Digest;
 use futures_util::{StreamExt, stream};
+use limits::protocol::IMAGES_BROUGHT_BYTES_MAX;
 use md5::{Digest as _, Md5};
 use proto::{
     CompleteRequest, ErrorStatistics, FailRequest, FindMissingBlobsRequest,
     FindMissingBlobsResponse, GetUploadUrlsRequest, PutBlobRequest, Upload, View,
-    limits::IMAGES_BROUGHT_BYTES_MAX,
 };
 use std::{collections::VecDeque, sync::atomic::Ordering};
 use tokio::{
@@ -56,7 +55,7 @@ pub(crate) async fn deliver(
     } else {
         Vec::new()
     };
-    for _ in 0..limits::DELIVERIES_MAX {
+    for _ in 0..limits::worker::DELIVERIES_MAX {
         if job.lost.load(Ordering::Relaxed) {
             return Ok(Delivered::Lost);
         }
@@ -188,7 +187,7 @@ async fn upload_missing(
             sent.err().map(|error| ((upload, bytes), error))
         });
         let failed: Vec<_> = stream::iter(uploads)
-            .buffer_unordered(limits::UPLOADS_AT_ONCE)
+            .buffer_unordered(limits::worker::UPLOADS_AT_ONCE)
             .filter_map(async |failed| failed)
             .collect()
             .await;
@@ -248,7 +247,7 @@ async fn send_missing(
         .collect();
     let mut uploads = JoinSet::new();
     loop {
-        while uploads.len() < limits::UPLOADS_AT_ONCE {
+        while uploads.len() < limits::worker::UPLOADS_AT_ONCE {
             let Some(message) = waiting.pop_front() else {
                 break;
             };

@@ -8,7 +8,6 @@
 mod connection;
 mod delivery;
 mod job;
-pub mod limits;
 mod render;
 mod upload;
 mod worker;

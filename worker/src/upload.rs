@@ -1,6 +1,6 @@
 //! Images straight to a bucket, to URLs that the coordinator signed.
 
-use crate::{connection::pause, limits};
+use crate::connection::pause;
 use bytes::Bytes;
 use proto::UploadUrl;
 use reqwest::{Client, StatusCode, redirect::Policy};
@@ -35,7 +35,7 @@ impl Uploader {
                 Err(failure @ UploadError::Refused(_)) => return Err(failure),
                 Err(failure) => failure,
             };
-            if attempt + 1 == limits::UPLOAD_ATTEMPTS {
+            if attempt + 1 == limits::worker::UPLOAD_ATTEMPTS {
                 return Err(failure);
             }
             sleep(pause(attempt)).await;
@@ -71,8 +71,8 @@ impl Uploader {
         // first to choose stays.
         let _ = rustls::crypto::ring::default_provider().install_default();
         let client = Client::builder()
-            .connect_timeout(proto::limits::CONNECT_DEADLINE)
-            .timeout(limits::UPLOAD_DEADLINE)
+            .connect_timeout(limits::protocol::CONNECT_DEADLINE)
+            .timeout(limits::worker::UPLOAD_DEADLINE)
             .pool_idle_timeout(Duration::from_secs(30))
             .redirect(Policy::none())
             .build()

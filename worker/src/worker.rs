@@ -4,7 +4,6 @@ use crate::{
     connection::{CallError, Connection},
     delivery::{Delivered, deliver, report_failure},
     job::{Held, Job, RenderedJob, Unrendered, render_views},
-    limits,
     render::{Render, RenderFailure},
     upload::Uploader,
 };
@@ -53,8 +52,8 @@ impl Default for Options {
             credentials: Credentials::default(),
             threads: 0,
             leave_when_finished: true,
-            away_max: limits::AWAY_MAX,
-            connect_max: limits::CONNECT_MAX,
+            away_max: limits::worker::AWAY_MAX,
+            connect_max: limits::worker::CONNECT_MAX,
         }
     }
 }
@@ -217,7 +216,7 @@ impl Worker {
         let worker = Arc::new(self);
         let (stop, stopping) = watch::channel(false);
         let mut slots = JoinSet::new();
-        for _ in 0..limits::JOBS_HELD {
+        for _ in 0..limits::worker::JOBS_HELD {
             slots.spawn(slot(Arc::clone(&worker), stopping.clone()));
         }
         let mut renewal = JoinSet::new();
@@ -243,7 +242,7 @@ impl Worker {
                 },
                 () = raised(&mut shutdown), if cut_off.is_none() => {
                     stop.send_replace(true);
-                    cut_off = Some(Instant::now() + limits::STOP_GRACE);
+                    cut_off = Some(Instant::now() + limits::worker::STOP_GRACE);
                 }
                 () = sleep_until(cut_off.unwrap_or_else(Instant::now)), if cut_off.is_some() => {
                     tracing::warn!("deliveries under way are cut off");
@@ -260,14 +259,14 @@ impl Worker {
         let message = LeaseRequest {
             worker_id: self.id.clone(),
             jobs_max: 1,
-            wait_ms: limits::LEASE_WAIT.as_millis() as u64,
+            wait_ms: limits::worker::LEASE_WAIT.as_millis() as u64,
         };
         loop {
             let leased = self
                 .connection
                 .call_and_wait(
                     message.clone(),
-                    limits::LEASE_WAIT,
+                    limits::worker::LEASE_WAIT,
                     async |mut client, request| client.lease(request).await,
                 )
                 .await;
@@ -375,7 +374,7 @@ impl Worker {
         // back.
         let renewed = self
             .connection
-            .patient_for(self.lease / (2 * limits::RENEWALS_PER_LEASE))
+            .patient_for(self.lease / (2 * limits::worker::RENEWALS_PER_LEASE))
             .call(message, async |mut client, request| {
                 client.renew(request).await
             })
@@ -400,7 +399,7 @@ impl Worker {
             client.deregister(request).await
         });
         // Should it not arrive, the leases run out instead.
-        match timeout(limits::LEAVE_DEADLINE, left).await {
+        match timeout(limits::worker::LEAVE_DEADLINE, left).await {
             Ok(Ok(answer)) => tracing::info!(handed_back = answer.released, "left"),
             Ok(Err(error)) => tracing::debug!(%error, "left without a word"),
             Err(_) => tracing::debug!("left without a word"),
@@ -433,7 +432,7 @@ async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Resul
                 return Ok(());
             }
             tokio::select! {
-                () = sleep(limits::IDLE_PAUSE) => {}
+                () = sleep(limits::worker::IDLE_PAUSE) => {}
                 _ = stopping.wait_for(|stopping| *stopping) => return Ok(()),
             }
         }
@@ -458,7 +457,7 @@ async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Resul
 }
 
 async fn renew_for_ever(worker: Arc<Worker>) {
-    let interval = worker.lease / limits::RENEWALS_PER_LEASE;
+    let interval = worker.lease / limits::worker::RENEWALS_PER_LEASE;
     loop {
         sleep(interval).await;
         worker.renew().await;

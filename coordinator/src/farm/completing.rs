@@ -5,18 +5,15 @@ use super::{
     events::{Event, EventKind},
     random,
 };
-use crate::{
-    acceptance::{self, Rejection},
-    board::{Delivery, Judged},
-    completion::Completion,
-    ledger::BlobPlace,
-    queue::{Standing, Verdict},
-    staging::StagedImage,
-    token::Token,
-};
 use bytes::Bytes;
 use dataset::{Digest, ImageHeader};
 use futures_util::future::try_join_all;
+use imagestore::{
+    acceptance::{self, Rejection},
+    staging::StagedImage,
+};
+use jobqueue::{Completion, Standing, Verdict, token::Token};
+use jobstore::{Delivery, Judged, ledger::BlobPlace};
 
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]

@@ -1,7 +1,9 @@
 //! Why an operation of the farm was not done.
 
-use crate::{acceptance::Rejection, board::BoardError, file_error::FileError, token::WorkerId};
 use dataset::Digest;
+use imagestore::{FileError, acceptance::Rejection};
+use jobqueue::token::WorkerId;
+use jobstore::BoardError;
 use thiserror::Error;
 
 /// Why an operation was not done.

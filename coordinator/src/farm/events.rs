@@ -1,6 +1,6 @@
 //! What happens in the farm, told to the log and to whoever watches.
 
-use proto::limits::EVENTS_WAITING_MAX;
+use limits::protocol::EVENTS_WAITING_MAX;
 use std::time::{SystemTime, UNIX_EPOCH};
 use tokio::sync::broadcast;
 

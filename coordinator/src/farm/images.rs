@@ -1,16 +1,14 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::{
-    acceptance,
+use crate::hands::Interrupted;
+use dataset::Digest;
+use imagestore::{
+    FileError, acceptance,
     blobs::Blobs,
-    file_error::FileError,
-    hands::Interrupted,
-    ledger::BlobPlace,
-    limits,
     staging::{Stage, StagedImage},
 };
-use dataset::Digest;
+use jobstore::ledger::BlobPlace;
 use std::{sync::Arc, time::Instant};
 use tokio::task;
 
@@ -48,10 +46,10 @@ impl Farm {
                 "the image was sent as {size} bytes and has {received}"
             )));
         }
-        if size > proto::limits::BLOB_BYTES_MAX {
+        if size > limits::protocol::BLOB_BYTES_MAX {
             return Err(FarmError::Invalid(format!(
                 "the image has {size} bytes, more than {}",
-                proto::limits::BLOB_BYTES_MAX
+                limits::protocol::BLOB_BYTES_MAX
             )));
         }
         let shared = Arc::clone(&self.shared);

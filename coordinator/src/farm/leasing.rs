@@ -5,14 +5,13 @@ use super::{
     events::{Event, EventKind},
     random,
 };
-use crate::{
-    board::{BoardError, Failed, Leased, Renewal},
-    limits,
-    queue::{Changes, JobState},
+use dataset::{Digest, RENDERER_VERSION};
+use jobqueue::{
+    Changes, JobState,
     token::{Token, WorkerId},
 };
-use dataset::{Digest, RENDERER_VERSION};
-use proto::limits::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
+use jobstore::{BoardError, Failed, Leased, Renewal};
+use limits::protocol::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
 use std::{collections::HashSet, time::Duration};
 use tokio::time::{Instant, timeout_at};
 

@@ -15,25 +15,19 @@ mod uploads;
 pub(crate) use completing::{BroughtImage, Outcome};
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
-pub(crate) use operating::{Report, WorkerReport};
+pub(crate) use operating::WorkerReport;
 pub(crate) use uploads::Md5;
 
 use crate::{
-    blobs::Blobs,
-    board::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings},
-    hands::Hands,
-    limits,
-    metrics::Metrics,
-    postgres::{PostgresBoard, Presence},
-    queue::{Counts, Policy, Queue, Selection, Stage},
-    rate::Rate,
-    roster::Roster,
-    running::{AnyStore, Options},
-    shared_store::SharedStore,
-    store::Store,
+    hands::Hands, metrics::Metrics, options::Options, rate::Rate, report::Progress, roster::Roster,
 };
 use dataset::{Digest, Specification};
+use datastore::{AnyStore, SharedStore, Store};
 use events::Events;
+use imagestore::blobs::Blobs;
+use jobqueue::{Policy, Queue, Selection, Stage};
+use jobstore::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings};
+use jobstore_postgres::{PostgresBoard, Presence};
 use std::{
     collections::HashSet,
     fs::File,
@@ -43,33 +37,6 @@ use std::{
     time::Duration,
 };
 use tokio::{sync::watch, time::Instant};
-
-/// How far a coordinator is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Progress {
-    /// Materials by state.
-    pub counts: Counts,
-    /// Images of completed materials.
-    pub images: u64,
-    /// Bytes of the images completed since the start.
-    pub bytes_received: u64,
-    /// Workers heard of lately.
-    pub workers: u32,
-    /// Failures reported by workers since the start.
-    pub failures: u64,
-    /// Leases that ran out since the start.
-    pub leases_lost: u64,
-    /// Whether nothing is left to do, now or later.
-    pub finished: bool,
-}
-
-impl Progress {
-    /// Whether nothing is left to do: every material is complete, set aside or cancelled, and every
-    /// second rendering that can be had is done.
-    pub fn is_finished(&self) -> bool {
-        self.finished
-    }
-}
 
 struct State {
     overview: Overview,
@@ -223,7 +190,7 @@ async fn own_board(
         queue,
         recovered.log,
         Arc::new(recovered.ledger),
-        Arc::clone(metrics),
+        Arc::<Metrics>::clone(metrics),
         Arc::clone(&surroundings),
         Box::new(move || started.elapsed()),
     )?;
@@ -248,7 +215,7 @@ async fn shared_board(
         store.database,
         options.policy,
         Presence::default(),
-        Arc::clone(metrics),
+        Arc::<Metrics>::clone(metrics),
         Arc::clone(&surroundings),
     );
     board.look().await?;

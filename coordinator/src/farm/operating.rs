@@ -1,18 +1,15 @@
 //! What people see of the farm and do to it.
 
 use super::{
-    Farm, FarmError, Progress,
+    Farm, FarmError,
     events::{Event, EventKind},
     images::blobs_away,
 };
-use crate::{
-    board::{JobsOrder, JobsPage},
-    ledger::BlobPlace,
-    queue::{BarCause, Mode, Selection, Stage, WorkerRecord},
-    roster::is_present,
-};
+use crate::{report::Report, roster::is_present};
 use dataset::Digest;
-use proto::limits::{EVENT_READERS_MAX, SET_ASIDE_LISTED_MAX, WORKERS_LISTED_MAX};
+use jobqueue::{BarCause, Mode, Selection, Stage, WorkerRecord};
+use jobstore::{JobsOrder, JobsPage, ledger::BlobPlace};
+use limits::protocol::{EVENT_READERS_MAX, SET_ASIDE_LISTED_MAX, WORKERS_LISTED_MAX};
 use std::{collections::BTreeMap, time::Duration};
 use tokio::{sync::broadcast, task};
 
@@ -24,17 +21,6 @@ pub(crate) struct WorkerReport {
     pub completed: u64,
     pub silent: Option<Duration>,
     pub record: WorkerRecord,
-}
-
-/// How the farm is.
-#[derive(Debug, Default)]
-pub(crate) struct Report {
-    pub progress: Progress,
-    pub mode: Mode,
-    pub workers_barred: u32,
-    pub images_per_second: f64,
-    pub store_bytes: u64,
-    pub up: Duration,
 }
 
 impl Farm {

@@ -20,23 +20,21 @@
 //! them, somebody renders them again, or `gc` removes them.
 
 use super::{Farm, FarmError, Shared};
-use crate::{
+use dataset::{Digest, ImageHeader, blob_path, specification::Image};
+use futures_util::{StreamExt, TryStreamExt, stream};
+use imagestore::{
+    FileError,
     acceptance::{self, Rejection},
     blobs::{Objects, staging_key},
     bucket::{Bucket, REQUESTS_AT_ONCE, UploadUrl},
-    completion::Completion,
-    file_error::FileError,
-    ledger::BlobPlace,
-    limits,
-    token::Token,
 };
-use dataset::{Digest, ImageHeader, blob_path, specification::Image};
-use futures_util::{StreamExt, TryStreamExt, stream};
+use jobqueue::{Completion, token::Token};
+use jobstore::ledger::BlobPlace;
 use std::sync::Arc;
 use tokio::task;
 
 /// The MD5 of an image.
-pub(crate) type Md5 = [u8; proto::limits::MD5_BYTES];
+pub(crate) type Md5 = [u8; limits::protocol::MD5_BYTES];
 
 /// The uploads of a completion, under their names.
 pub(super) struct Settled {
@@ -163,8 +161,8 @@ impl Farm {
         let views = completion.views.iter().zip(md5s).zip(headers).zip(known);
         views
             .map(|(((view, md5), header), known)| {
-                if view.bytes > proto::limits::BLOB_BYTES_MAX {
-                    let (bytes, max) = (view.bytes, proto::limits::BLOB_BYTES_MAX);
+                if view.bytes > limits::protocol::BLOB_BYTES_MAX {
+                    let (bytes, max) = (view.bytes, limits::protocol::BLOB_BYTES_MAX);
                     let reason = format!("an image has {bytes} bytes, more than {max}");
                     return Err(FarmError::Invalid(reason));
                 }

@@ -4,7 +4,6 @@
 //! longest silent half are put out when it is full, and everybody after a while. Honest clients speak
 //! at once, so they get through however many stand there. The number of those inside is bounded.
 
-use crate::limits;
 use std::{
     collections::VecDeque,
     io,

@@ -3,7 +3,7 @@
 //! may take to arrive.
 
 use super::{Role, Tokens};
-use crate::{limits, metrics::Metrics, service::refuse};
+use crate::{metrics::Metrics, service::refuse};
 use http::{Request, Response, header::AUTHORIZATION};
 use http_body::{Frame, SizeHint};
 use std::{

@@ -4,12 +4,9 @@ use super::{
     Answer, digest, message_digest,
     refusal::{invalid, too_many},
 };
-use crate::{
-    board::JobsOrder,
-    farm::{Event, Farm, WorkerReport},
-    queue::{Bar, Check, JobRecord, JobState, Mode, Selection, Stage},
-};
-use proto::limits;
+use crate::farm::{Event, Farm, WorkerReport};
+use jobqueue::{Bar, Check, JobRecord, JobState, Mode, Selection, Stage};
+use jobstore::JobsOrder;
 use std::{pin::Pin, sync::Arc};
 use tokio_stream::{
     Stream, StreamExt,
@@ -67,7 +64,7 @@ impl proto::Control for ControlService {
     ) -> Answer<proto::ListJobsResponse> {
         let message = request.into_inner();
         let wanted = selection(message.selection)?;
-        let jobs_max = message.jobs_max.clamp(1, limits::JOBS_LISTED_MAX) as usize;
+        let jobs_max = message.jobs_max.clamp(1, limits::protocol::JOBS_LISTED_MAX) as usize;
         let page = self.farm.jobs(message.from, jobs_max, &wanted).await?;
         let jobs = page.jobs.into_iter();
         Ok(Response::new(proto::ListJobsResponse {
@@ -138,7 +135,7 @@ impl proto::Control for ControlService {
         request: Request<proto::PrioritizeJobsRequest>,
     ) -> Answer<proto::JobsChanged> {
         let message = request.into_inner();
-        let max = limits::PRIORITY_MAX;
+        let max = limits::protocol::PRIORITY_MAX;
         if !(-max..=max).contains(&message.priority) {
             let reason = format!(
                 "a priority is between -{max} and {max}, and this is {}",
@@ -168,8 +165,12 @@ impl proto::Control for ControlService {
     ) -> Answer<proto::BarWorkerResponse> {
         let message = request.into_inner();
         let long = [
-            ("name", message.name.len(), limits::NAME_BYTES_MAX),
-            ("reason", message.reason.len(), limits::REASON_BYTES_MAX),
+            ("name", message.name.len(), limits::protocol::NAME_BYTES_MAX),
+            (
+                "reason",
+                message.reason.len(),
+                limits::protocol::REASON_BYTES_MAX,
+            ),
         ];
         for (field, found, max) in long {
             if found == 0 || found > max {
@@ -215,8 +216,8 @@ impl ControlService {
 /// Which jobs a selection selects.
 fn selection(selection: Option<proto::JobSelection>) -> Result<Selection, Status> {
     let proto::JobSelection { ranges, states } = selection.unwrap_or_default();
-    if ranges.len() > limits::RANGES_PER_CALL_MAX {
-        let max = limits::RANGES_PER_CALL_MAX;
+    if ranges.len() > limits::protocol::RANGES_PER_CALL_MAX {
+        let max = limits::protocol::RANGES_PER_CALL_MAX;
         return Err(too_many("ranges", ranges.len(), max));
     }
     if let Some(range) = ranges.iter().find(|range| range.first > range.last) {
@@ -358,6 +359,6 @@ fn event_message(event: Event) -> proto::Event {
 }
 
 fn shortened(mut error: String) -> String {
-    error.truncate(error.floor_char_boundary(limits::ERROR_LISTED_BYTES_MAX));
+    error.truncate(error.floor_char_boundary(limits::protocol::ERROR_LISTED_BYTES_MAX));
     error
 }

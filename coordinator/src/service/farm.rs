@@ -5,13 +5,10 @@ use super::{
     refusal::{invalid, too_many},
     token, worker,
 };
-use crate::{
-    board::Renewal,
-    completion::Completion,
-    farm::{BroughtImage, Farm, Md5, Outcome},
-};
+use crate::farm::{BroughtImage, Farm, Md5, Outcome};
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
-use proto::limits;
+use jobqueue::Completion;
+use jobstore::Renewal;
 use std::{sync::Arc, time::Duration};
 use tonic::{Request, Response, Status};
 use tracing::{Instrument, info_span};
@@ -40,10 +37,10 @@ impl proto::Farm for FarmService {
         request: Request<proto::RegisterRequest>,
     ) -> Answer<proto::RegisterResponse> {
         let message = request.into_inner();
-        if message.name.is_empty() || message.name.len() > limits::NAME_BYTES_MAX {
+        if message.name.is_empty() || message.name.len() > limits::protocol::NAME_BYTES_MAX {
             let reason = format!(
                 "a worker's name has 1 to {} bytes, and this one has {}",
-                limits::NAME_BYTES_MAX,
+                limits::protocol::NAME_BYTES_MAX,
                 message.name.len()
             );
             return Err(invalid("name", &reason));
@@ -88,8 +85,8 @@ impl proto::Farm for FarmService {
     async fn renew(&self, request: Request<proto::RenewRequest>) -> Answer<proto::RenewResponse> {
         let message = request.into_inner();
         let worker = worker(&message.worker_id)?;
-        if message.renewals.len() > limits::LEASES_PER_WORKER_MAX as usize {
-            let max = limits::LEASES_PER_WORKER_MAX as usize;
+        if message.renewals.len() > limits::protocol::LEASES_PER_WORKER_MAX as usize {
+            let max = limits::protocol::LEASES_PER_WORKER_MAX as usize;
             return Err(too_many("renewals", message.renewals.len(), max));
         }
         let renewals = message
@@ -113,8 +110,8 @@ impl proto::Farm for FarmService {
         request: Request<proto::FindMissingBlobsRequest>,
     ) -> Answer<proto::FindMissingBlobsResponse> {
         let message = request.into_inner();
-        if message.digests.len() > limits::DIGESTS_PER_CALL_MAX {
-            let max = limits::DIGESTS_PER_CALL_MAX;
+        if message.digests.len() > limits::protocol::DIGESTS_PER_CALL_MAX {
+            let max = limits::protocol::DIGESTS_PER_CALL_MAX;
             return Err(too_many("digests", message.digests.len(), max));
         }
         let digests = message.digests.iter().map(|bytes| digest("digests", bytes));
@@ -132,9 +129,9 @@ impl proto::Farm for FarmService {
     ) -> Answer<proto::GetUploadUrlsResponse> {
         let message = request.into_inner();
         let token = token(&message.token)?;
-        if message.uploads.len() > limits::VIEWS_MAX {
+        if message.uploads.len() > limits::protocol::VIEWS_MAX {
             let found = message.uploads.len();
-            return Err(too_many("uploads", found, limits::VIEWS_MAX));
+            return Err(too_many("uploads", found, limits::protocol::VIEWS_MAX));
         }
         let uploads = message.uploads.iter().map(|upload| {
             let digest = digest("uploads.digest", &upload.digest)?;
@@ -173,8 +170,12 @@ impl proto::Farm for FarmService {
     ) -> Answer<proto::CompleteResponse> {
         let message = request.into_inner();
         let token = token(&message.token)?;
-        if message.views.len() > limits::VIEWS_MAX {
-            return Err(too_many("views", message.views.len(), limits::VIEWS_MAX));
+        if message.views.len() > limits::protocol::VIEWS_MAX {
+            return Err(too_many(
+                "views",
+                message.views.len(),
+                limits::protocol::VIEWS_MAX,
+            ));
         }
         let completion = Completion {
             material: message.material,
@@ -217,7 +218,7 @@ impl proto::Farm for FarmService {
         let message = request.into_inner();
         let token = token(&message.token)?;
         let mut error = message.error;
-        error.truncate(error.floor_char_boundary(limits::ERROR_BYTES_MAX));
+        error.truncate(error.floor_char_boundary(limits::protocol::ERROR_BYTES_MAX));
         let span = info_span!("job", material = message.material, lease = %token);
         let failed = self.farm.fail(token, message.material, error);
         let set_aside = failed.instrument(span).await?;
@@ -235,7 +236,7 @@ impl proto::Farm for FarmService {
 }
 
 fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {
-    let reason = format!("an MD5 has {} bytes", limits::MD5_BYTES);
+    let reason = format!("an MD5 has {} bytes", limits::protocol::MD5_BYTES);
     bytes.try_into().map_err(|_| invalid(field, &reason))
 }
 
@@ -254,10 +255,10 @@ fn images_brought(
         })
         .collect();
     let bytes: u64 = brought.iter().map(|image| image.data.len() as u64).sum();
-    if bytes > limits::IMAGES_BROUGHT_BYTES_MAX {
+    if bytes > limits::protocol::IMAGES_BROUGHT_BYTES_MAX {
         let reason = format!(
             "a completion brings images of {bytes} bytes along, more than {}: send them with PutBlob",
-            limits::IMAGES_BROUGHT_BYTES_MAX
+            limits::protocol::IMAGES_BROUGHT_BYTES_MAX
         );
         return Err(invalid("views.image", &reason));
     }

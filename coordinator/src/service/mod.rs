@@ -9,9 +9,8 @@ pub(crate) use control::ControlService;
 pub(crate) use farm::FarmService;
 pub(crate) use refusal::refuse;
 
-use crate::token::{Token, WorkerId};
 use dataset::Digest;
-use proto::limits;
+use jobqueue::token::{Token, WorkerId};
 use refusal::invalid;
 use tonic::{Response, Status};
 
@@ -19,17 +18,17 @@ type Answer<T> = Result<Response<T>, Status>;
 
 fn token(bytes: &[u8]) -> Result<Token, Status> {
     let name = Token::from_message(bytes);
-    name.ok_or_else(|| wrong_length("token", limits::TOKEN_BYTES, bytes))
+    name.ok_or_else(|| wrong_length("token", limits::protocol::TOKEN_BYTES, bytes))
 }
 
 fn worker(bytes: &[u8]) -> Result<WorkerId, Status> {
     let name = WorkerId::from_message(bytes);
-    name.ok_or_else(|| wrong_length("worker_id", limits::TOKEN_BYTES, bytes))
+    name.ok_or_else(|| wrong_length("worker_id", limits::protocol::TOKEN_BYTES, bytes))
 }
 
 fn digest(field: &str, bytes: &[u8]) -> Result<Digest, Status> {
     let digest = bytes.try_into().map(Digest::from_bytes);
-    digest.map_err(|_| wrong_length(field, limits::DIGEST_BYTES, bytes))
+    digest.map_err(|_| wrong_length(field, limits::protocol::DIGEST_BYTES, bytes))
 }
 
 fn wrong_length(field: &str, expected: usize, bytes: &[u8]) -> Status {

@@ -1,8 +1,11 @@
 //! Errors as gRPC statuses with details that programs can read: what kind (ErrorInfo), which field
 //! (BadRequest), when to try again (RetryInfo).
 
-use crate::{board::BoardError, farm::FarmError, file_error::FileError, queue::Refusal};
-use proto::limits::{ERROR_DOMAIN, RETRY_AFTER};
+use crate::farm::FarmError;
+use imagestore::FileError;
+use jobqueue::Refusal;
+use jobstore::BoardError;
+use limits::protocol::{ERROR_DOMAIN, RETRY_AFTER};
 use std::{collections::HashMap, io};
 use tonic::{Code, Status};
 use tonic_types::{ErrorDetails, StatusExt};

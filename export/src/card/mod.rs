@@ -12,7 +12,7 @@ use crate::{
     product::Products,
     selection::Chosen,
 };
-use coordinator::ReadOnlyStore;
+use datastore::ReadOnlyStore;
 use std::{fs::File, io::Read, path::Path};
 
 /// What only the publisher knows.

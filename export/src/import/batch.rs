@@ -1,11 +1,10 @@
 //! Materials on their way into a store: checked together, made durable together.
 
 use super::{ImportError, Imported, Wanted};
-use coordinator::{
-    Completion, WritableStore,
-    acceptance::{check_digest, check_identity, expected_headers, inspect},
-};
 use dataset::{Digest, Specification};
+use datastore::WritableStore;
+use imagestore::acceptance::{check_digest, check_identity, expected_headers, inspect};
+use jobqueue::Completion;
 use std::{
     sync::{Mutex, PoisonError},
     thread,

@@ -10,17 +10,16 @@ mod source;
 
 use crate::manifest::read::{ReadError, read};
 use batch::Batch;
-use coordinator::{
-    BlobsPlace, FileError, ReadOnlyStore, StoreError, StoreName, WritableStore,
-    limits::IMAGE_OVERHEAD_BYTES_MAX,
-};
 use dataset::{
     CompletedView, Specification,
     manifest::Row,
     specification::{Image, Pixel},
 };
+use datastore::{BlobsPlace, ReadOnlyStore, StoreError, StoreName, WritableStore};
 pub use images::TakeMaterial;
 use images::for_each_material;
+use imagestore::FileError;
+use limits::IMAGE_OVERHEAD_BYTES_MAX;
 pub use source::Source;
 use std::{
     collections::BTreeMap,

@@ -2,7 +2,7 @@
 
 use crate::file::unable;
 use bytes::Bytes;
-use coordinator::{
+use imagestore::{
     FileError,
     bucket::{Bucket, ObjectReader},
 };

@@ -33,8 +33,8 @@ use crate::{
     product::{Factory, Kind, Product, Products},
     selection::{Chosen, ChosenImage, Selection},
 };
-use coordinator::ReadOnlyStore;
 use dataset::CompletedView;
+use datastore::ReadOnlyStore;
 use plan::Plan;
 use std::{
     env,

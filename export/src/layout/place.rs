@@ -7,7 +7,7 @@ use crate::{
     error::ExportError,
     file::{unable, write_bytes, write_whole},
 };
-use coordinator::{
+use imagestore::{
     FileError,
     bucket::{Bucket, ObjectWriter},
 };

@@ -1,8 +1,8 @@
 //! A manifest against the store that it describes: every row as the store has it.
 
 use super::read::{ReadError, read};
-use coordinator::ReadOnlyStore;
 use dataset::manifest::Row;
+use datastore::ReadOnlyStore;
 use serde::Serialize;
 use std::{collections::HashSet, fmt, path::Path};
 

@@ -15,8 +15,9 @@ use crate::{
     file::{unable, write_whole},
     selection::{Chosen, ChosenImage, Selection},
 };
-use coordinator::{FileError, ReadOnlyStore};
 use dataset::manifest::Row;
+use datastore::ReadOnlyStore;
+use imagestore::FileError;
 use std::{
     io::{self, Write},
     path::Path,

@@ -9,11 +9,11 @@ use arrow_array::{
     },
 };
 use arrow_schema::{DataType, Field, Schema};
-use coordinator::ReadOnlyStore;
 use dataset::{
     RENDERER_VERSION, Specification,
     manifest::{Column, Kind, Row, Value, columns},
 };
+use datastore::ReadOnlyStore;
 use parquet::{
     arrow::ArrowWriter,
     basic::Compression,

@@ -10,11 +10,11 @@ use arrow_array::{
     Array, BooleanArray, FixedSizeListArray, Float64Array, RecordBatch, StringArray, UInt32Array,
     UInt64Array,
 };
-use coordinator::FileError;
 use dataset::{
     Specification, SpecificationError,
     manifest::{Column, Kind, Row, Value, columns},
 };
+use imagestore::FileError;
 use parquet::{arrow::arrow_reader::ParquetRecordBatchReaderBuilder, errors::ParquetError};
 use std::{
     fs::File,

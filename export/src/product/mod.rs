@@ -16,11 +16,12 @@ use crate::{
     rectify::{Rectifier, RectifyError},
     selection::ChosenImage,
 };
-use coordinator::{ImageFault, ReadOnlyStore, acceptance::decode};
 use dataset::{
     Specification,
     specification::{Image, Pixel},
 };
+use datastore::{ImageFault, ReadOnlyStore};
+use imagestore::acceptance::decode;
 
 pub use preview::{EXPOSURE_STOPS_MAX, to_srgb8};
 

@@ -2,8 +2,8 @@ use crate::{
     cheap_image::small_specification,
     complete_store::{completion, make_store},
 };
-use coordinator::ReadOnlyStore;
 use dataset::{Digest, Split};
+use datastore::ReadOnlyStore;
 use export::{
     ExportError,
     card::Publication,

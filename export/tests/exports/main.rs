@@ -2,9 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
-#[path = "../../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
-#[path = "../../../coordinator/tests/store/complete_store.rs"]
+#[path = "../../../datastore/tests/store/complete_store.rs"]
 mod complete_store;
 mod layouts;
 mod manifest;

@@ -6,8 +6,8 @@ use arrow_array::{
     Array, BooleanArray, FixedSizeListArray, Float64Array, RecordBatch, StringArray, UInt32Array,
     UInt64Array,
 };
-use coordinator::ReadOnlyStore;
 use dataset::manifest::{Kind, Row, Value, columns};
+use datastore::ReadOnlyStore;
 use export::{
     ExportError,
     manifest::{Exported, Format, export},

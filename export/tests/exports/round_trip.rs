@@ -4,8 +4,8 @@ use crate::{
     cheap_image::{Cheap, small_specification},
     complete_store::{completion, make_store},
 };
-use coordinator::{Completion, ReadOnlyStore, Store};
 use dataset::{Digest, Specification};
+use datastore::{ReadOnlyStore, Store};
 use export::{
     card::Publication,
     diff::diff,
@@ -20,6 +20,7 @@ use export::{
     product::Products,
     selection::Selection,
 };
+use jobqueue::Completion;
 use std::{
     fs,
     path::{Path, PathBuf},
@@ -89,7 +90,7 @@ fn out_in_and_out_again_is_the_same() {
         let again = take_in(&out, &path).unwrap();
         assert_eq!((again.materials, again.materials_there), (0, 12));
         let recovery = Store::open(&path).unwrap().recovery().clone();
-        assert_eq!(recovery, coordinator::Recovery::default());
+        assert_eq!(recovery, jobstore::Recovery::default());
     }
 }
 

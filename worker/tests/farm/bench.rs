@@ -1,9 +1,11 @@
 //! A store, coordinators and workers for a test.
 
 use crate::cheap_image::{cheap_image, small_specification};
-use coordinator::verify::{Checks, verify};
-use coordinator::{Coordinator, Options, Policy, ReadOnlyStore, RunningCoordinator, Store};
+use coordinator::{Coordinator, Options, RunningCoordinator};
 use dataset::{Digest, ErrorStatistics, SampledMaterial, Specification};
+use datastore::verify::{Checks, verify};
+use datastore::{ReadOnlyStore, Store};
+use jobqueue::Policy;
 use proto::{
     ControlClient, FarmClient,
     client::{Credentials, with_deadline},

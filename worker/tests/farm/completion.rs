@@ -2,10 +2,10 @@ use crate::{
     bench::{Bench, cheap, slow},
     cheap_image::cheap_image,
 };
-use coordinator::ReadOnlyStore;
-use coordinator::verify::{Checks, verify};
 use dataset::specification::Pixel;
-use proto::limits::IMAGES_BROUGHT_BYTES_MAX;
+use datastore::ReadOnlyStore;
+use datastore::verify::{Checks, verify};
+use limits::protocol::IMAGES_BROUGHT_BYTES_MAX;
 use renderer::geometry::BackendChoice;
 use tokio::sync::watch;
 use worker::{RenderFailure, RendererBackend, Worker};

@@ -3,7 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
-#[path = "../../../coordinator/tests/store/cheap_image.rs"]
+#[path = "../../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 
 mod bench;

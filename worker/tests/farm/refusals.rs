@@ -2,12 +2,11 @@ use crate::{
     bench::{Bench, Puppet},
     cheap_image::cheap_image,
 };
-use coordinator::{Coordinator, CoordinatorError, Options, Store};
+use coordinator::{Coordinator, CoordinatorError, Options};
 use dataset::{Digest, RENDERER_VERSION};
-use proto::{
-    client::{Credentials, with_deadline},
-    limits,
-};
+use datastore::Store;
+use limits::protocol;
+use proto::client::{Credentials, with_deadline};
 use tonic::Code;
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -63,7 +62,7 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
     larger.image.width = 4096;
     let larger = cheap_image(&larger, 0, 0);
     let noise = b"no image at all".to_vec();
-    let oversized = vec![0; limits::BLOB_BYTES_MAX as usize + 1];
+    let oversized = vec![0; protocol::BLOB_BYTES_MAX as usize + 1];
     for (digest, bytes, what) in [
         (Digest::of(b"other"), image.clone(), "digest"),
         (Digest::of(&larger), larger.clone(), "data window"),
@@ -107,7 +106,7 @@ async fn images_that_come_with_their_completion_are_checked_like_others() {
     assert_eq!(refused.unwrap_err().code(), Code::FailedPrecondition);
     assert_eq!(staged(), 0, "no lease, no images");
     let noise = b"no image at all".to_vec();
-    let large = vec![0; limits::IMAGES_BROUGHT_BYTES_MAX as usize];
+    let large = vec![0; protocol::IMAGES_BROUGHT_BYTES_MAX as usize];
     for (odd, what) in [(noise, "no EXR"), (large, "PutBlob")] {
         let brought = [odd, images[1].clone(), images[2].clone()];
         let refused = puppet.complete_bringing(&job.token, 0, &brought).await;

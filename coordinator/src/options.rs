@@ -1,0 +1,43 @@
+//! Where and how a coordinator serves.
+
+use crate::security::Security;
+use jobqueue::Policy;
+use std::net::{Ipv4Addr, SocketAddr};
+
+/// Where and how a coordinator serves.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The address to listen on; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// What protects it.
+    pub security: Security,
+    /// Whether an address that other machines reach may be served without that.
+    pub insecure: bool,
+    /// Where to serve Prometheus metrics, over plain HTTP and to everybody; nowhere unless asked.
+    pub metrics: Option<SocketAddr>,
+    /// The queue's limits.
+    pub policy: Policy,
+    /// Of a million completed materials, how many are rendered a second time by another worker, and
+    /// have to come out the same.
+    pub checks_per_million: u32,
+    /// Whether materials that were set aside get another chance now.
+    pub retry_set_aside: bool,
+    /// Whether leases of before the start go on. False where nobody can hold one any more, as when
+    /// the workers were threads of a process that is gone.
+    pub keep_leases: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            listen: (Ipv4Addr::LOCALHOST, 0).into(),
+            security: Security::default(),
+            insecure: false,
+            metrics: None,
+            policy: Policy::default(),
+            checks_per_million: limits::CHECKS_PER_MILLION,
+            retry_set_aside: true,
+            keep_leases: true,
+        }
+    }
+}

@@ -1,0 +1,28 @@
+//! A shared store for those who only read.
+
+use super::{BlobsPlace, SharedStoreError, identity::known, waiting_runtime};
+use dataset::Specification;
+use imagestore::{FileError, blobs::Blobs};
+use jobstore_postgres::Database;
+
+/// What a store in a database is about, its images for readers, and every completion that counts,
+/// told as JSON, all as it is at one instant. Waits; cannot be called inside a runtime.
+pub fn read(
+    url: &str,
+    tell: &mut dyn FnMut(&str) -> Result<(), FileError>,
+) -> Result<(Specification, Blobs), SharedStoreError> {
+    let database = Database::new(url)?;
+    let runtime = waiting_runtime()?;
+    let name = database.name();
+    let mut tell = |line: &str| Ok(tell(line)?);
+    let told = database.completions(|kept| known(name, kept), &mut tell);
+    let (specification, place) = runtime.block_on(told)?;
+    Ok((specification, place.for_readers()?))
+}
+
+/// What a store in a database is about, and where its images are.
+pub async fn look(url: &str) -> Result<(Database, Specification, BlobsPlace), SharedStoreError> {
+    let database = Database::new(url)?;
+    let (specification, place) = known(database.name(), database.look().await?)?;
+    Ok((database, specification, place))
+}

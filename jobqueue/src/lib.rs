@@ -1,0 +1,366 @@
+//! The jobs' state machine: one job a material.
+//!
+//! Plain data and transitions: no sockets, no clock (every transition that depends on time is told
+//! the time since the start), no input or output, no random numbers. A transition that changes
+//! what has to outlive the process returns it as [`Changes`]; whoever calls makes them durable, in
+//! the order of the transitions, before it tells anybody.
+//!
+//! ```text
+//!            claim                complete
+//! pending ----------> leased ----------------> completed: check none, or due
+//!    ^                  |                          |  claim by another
+//!    |  release, expire, fail                      v
+//!    +------------------+-----> set aside      check leased --> agreed
+//!    |                                             |  other images
+//!    +--- retry --- set aside, cancelled           v
+//!    +--- the third says that the first lied --- disputed --- a third decides
+//! ```
+//!
+//! Invariant: a lease ends for its holder only by a transition that also takes its token, so at
+//! any time at most one token can complete a job, and a token once taken never can again.
+
+mod completion;
+mod crew;
+mod judging;
+mod leasing;
+mod operating;
+mod policy;
+mod record;
+mod records;
+mod selection;
+pub mod token;
+
+pub use completion::Completion;
+pub use judging::{Refusal, Standing, Verdict};
+pub use leasing::{Lease, LostLease, unleased};
+pub use policy::Policy;
+pub use record::{
+    Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
+    WorkerChange, WorkerFailure, WorkerRecord,
+};
+pub use selection::{Selection, Stage};
+
+use crate::token::WorkerId;
+use crew::Crew;
+use records::Records;
+use std::{
+    cmp::Reverse,
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
+
+/// How many jobs are in which state; the first six after `materials` add up to it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// All jobs.
+    pub materials: u32,
+    /// Waiting for a worker.
+    pub pending: u32,
+    /// With a worker.
+    pub leased: u32,
+    /// Done.
+    pub completed: u32,
+    /// Done twice, with different images.
+    pub disputed: u32,
+    /// Given up after too many failures.
+    pub set_aside: u32,
+    /// Not wanted any more.
+    pub cancelled: u32,
+    /// Of the completed, those that wait to be rendered a second time, or are being so.
+    pub checks: u32,
+}
+
+/// The queue. Of equal priority the lowest material is handed out first, so that a set completes
+/// from its start.
+#[derive(Clone, Debug)]
+pub struct Queue {
+    policy: Policy,
+    mode: Mode,
+    jobs: Records,
+    pending: BTreeSet<(Reverse<i32>, u32)>,
+    set_aside: BTreeSet<u32>,
+    cancelled: BTreeSet<u32>,
+    // Completed, and somebody else has to render them again.
+    checks_due: BTreeSet<u32>,
+    checks_leased: u32,
+    disputed: BTreeSet<u32>,
+    completed: u32,
+    leases: BTreeMap<u32, Lease>,
+    // When leases run out, soonest first.
+    expiries: BTreeSet<(Duration, u32)>,
+    // Who holds what; no entry is empty.
+    holdings: BTreeMap<WorkerId, BTreeSet<u32>>,
+    crew: Crew,
+}
+
+impl Queue {
+    /// A queue of `materials` pending jobs.
+    pub fn new(materials: u32, policy: Policy) -> Self {
+        Self {
+            policy,
+            mode: Mode::default(),
+            jobs: Records::All(vec![JobRecord::default(); materials as usize]),
+            pending: (0..materials)
+                .map(|material| (Reverse(0), material))
+                .collect(),
+            set_aside: BTreeSet::new(),
+            cancelled: BTreeSet::new(),
+            checks_due: BTreeSet::new(),
+            checks_leased: 0,
+            disputed: BTreeSet::new(),
+            completed: 0,
+            leases: BTreeMap::new(),
+            expiries: BTreeSet::new(),
+            holdings: BTreeMap::new(),
+            crew: Crew::default(),
+        }
+    }
+
+    /// A queue of no job, to be given those that a transition touches: a database that keeps the
+    /// jobs runs the transitions on parts of the queue.
+    pub fn of_some(policy: Policy, mode: Mode) -> Self {
+        Self {
+            mode,
+            jobs: Records::Some(BTreeMap::new()),
+            ..Self::new(0, policy)
+        }
+    }
+
+    /// Adds a job to a queue of some, with its lease if it has one.
+    pub fn add_job(&mut self, material: u32, record: JobRecord, lease: Option<Lease>) {
+        self.jobs[material] = JobRecord::default();
+        self.pending.insert((Reverse(0), material));
+        self.put(material, record, Duration::ZERO);
+        if let Some(lease) = lease
+            && let Some(known) = self.leases.get_mut(&material)
+        {
+            self.expiries.remove(&(known.expires, material));
+            self.expiries.insert((lease.expires, material));
+            *known = lease;
+        }
+    }
+
+    /// Adds a worker's history to a queue of some, and when a bar over failures ends.
+    pub fn add_worker(&mut self, worker: WorkerChange, bar_ends: Duration) {
+        self.crew.restore(worker, bar_ends);
+    }
+
+    /// The lease of a job, if it has one.
+    pub fn lease(&self, material: u32) -> Option<&Lease> {
+        self.leases.get(&material)
+    }
+
+    /// When the bar of a worker that failed too often ends.
+    pub fn bar_end(&self, name: &str) -> Option<Duration> {
+        self.crew.bar_end(name)
+    }
+
+    /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and bars get
+    /// their full time again: while the coordinator was away nobody could renew them.
+    pub fn restore(&mut self, kept: Changes, now: Duration) {
+        for JobChange { material, record } in kept.jobs {
+            if self.jobs.get(material).is_some() {
+                self.put(material, record, now);
+            }
+        }
+        for worker in kept.workers {
+            self.crew.restore(worker, now + self.policy.bar);
+        }
+        self.mode = kept.mode.unwrap_or(self.mode);
+    }
+
+    /// Notes that a worker is there, under this name; it can claim jobs from now on.
+    pub fn admit(&mut self, worker: WorkerId, name: &str) {
+        self.crew.admit(worker, name);
+    }
+
+    /// Notes that a worker that holds nothing is gone.
+    pub fn dismiss(&mut self, worker: WorkerId) {
+        self.crew.dismiss(worker);
+    }
+
+    /// How many jobs are in which state.
+    pub fn counts(&self) -> Counts {
+        let checks = self.checks_due.len() as u32 + self.checks_leased;
+        let third_opinions = self.disputed.iter();
+        let third_opinions = third_opinions.filter(|material| self.leases.contains_key(material));
+        let other_leases = self.checks_leased + third_opinions.count() as u32;
+        Counts {
+            materials: self.jobs.len() as u32,
+            pending: self.pending.len() as u32,
+            leased: self.leases.len() as u32 - other_leases,
+            completed: self.completed,
+            disputed: self.disputed.len() as u32,
+            set_aside: self.set_aside.len() as u32,
+            cancelled: self.cancelled.len() as u32,
+            checks,
+        }
+    }
+
+    /// Whether nothing is left to do, now or later. A second rendering that nobody present can do
+    /// is not waited for; a dispute is.
+    pub fn is_finished(&self) -> bool {
+        self.pending.is_empty()
+            && self.leases.is_empty()
+            && self.disputed.is_empty()
+            && !self
+                .checks_due
+                .iter()
+                .any(|material| self.crew.able().any(|name| self.may_judge(name, *material)))
+    }
+
+    /// Whether work is handed out.
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Whether `worker` holds a lease.
+    pub fn holds(&self, worker: WorkerId) -> bool {
+        self.holdings.contains_key(&worker)
+    }
+
+    /// How many leases `worker` holds.
+    pub fn held(&self, worker: WorkerId) -> u32 {
+        self.holdings.get(&worker).map_or(0, BTreeSet::len) as u32
+    }
+
+    /// Who holds the lease of a job, if anybody.
+    pub fn holder(&self, material: u32) -> Option<&Holder> {
+        self.state(material)?.holder()
+    }
+
+    /// How many views of a leased job are rendered, as its holder last said.
+    pub fn views_done(&self, material: u32) -> Option<u32> {
+        Some(self.lease(material)?.views_done)
+    }
+
+    /// Why a worker of this name gets no work, if it is barred.
+    pub fn bar_of(&self, name: &str) -> Option<&Bar> {
+        self.crew.bar(name)
+    }
+
+    /// Workers with a history, by name.
+    pub fn worker_records(&self) -> impl Iterator<Item = (&str, &WorkerRecord)> {
+        self.crew.records()
+    }
+
+    /// A job, if there is such a material.
+    pub fn job(&self, material: u32) -> Option<&JobRecord> {
+        self.jobs.get(material)
+    }
+
+    /// The jobs from a material on, in order.
+    pub fn jobs_from(&self, from: u32) -> impl Iterator<Item = (u32, &JobRecord)> {
+        self.jobs.from(from)
+    }
+
+    /// The materials of a selection, in order.
+    pub fn selected(&self, selection: &Selection) -> Vec<u32> {
+        let jobs = self.jobs_from(0);
+        let selected = jobs.filter(|(material, job)| selection.contains(*material, job));
+        selected.map(|(material, _)| material).collect()
+    }
+
+    /// Everybody who is there, with their names.
+    pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
+        self.crew.sessions()
+    }
+
+    /// The name of a worker that is there.
+    pub fn name(&self, worker: WorkerId) -> Option<&str> {
+        self.crew.name(worker)
+    }
+
+    fn state(&self, material: u32) -> Option<&JobState> {
+        Some(&self.jobs.get(material)?.state)
+    }
+
+    fn transition(&mut self, material: u32, state: JobState, now: Duration) -> JobChange {
+        let mut record = self.jobs[material].clone();
+        record.state = state;
+        self.put(material, record.clone(), now);
+        JobChange { material, record }
+    }
+
+    // The one place where the indices over the jobs change.
+    fn put(&mut self, material: u32, record: JobRecord, now: Duration) {
+        self.unlist(material);
+        match &record.state {
+            JobState::Pending => {
+                self.pending.insert((Reverse(record.priority), material));
+            }
+            JobState::Leased(_) => {}
+            JobState::Completed { check, .. } => match check {
+                Check::Disputed(_) => {
+                    self.disputed.insert(material);
+                }
+                check => {
+                    self.completed += 1;
+                    match check {
+                        Check::Due => {
+                            self.checks_due.insert(material);
+                        }
+                        Check::Leased(_) => self.checks_leased += 1,
+                        _ => {}
+                    }
+                }
+            },
+            JobState::SetAside => {
+                self.set_aside.insert(material);
+            }
+            JobState::Cancelled => {
+                self.cancelled.insert(material);
+            }
+        }
+        if let Some(holder) = record.state.holder() {
+            let expires = now + self.policy.lease.min(self.policy.deadline);
+            let lease = Lease {
+                claimed: now,
+                expires,
+                views_done: 0,
+                progressed: now,
+            };
+            self.leases.insert(material, lease);
+            self.expiries.insert((expires, material));
+            let held = self.holdings.entry(holder.worker).or_default();
+            held.insert(material);
+        }
+        self.jobs[material] = record;
+    }
+
+    fn unlist(&mut self, material: u32) {
+        let job = &self.jobs[material];
+        match &job.state {
+            JobState::Pending => {
+                self.pending.remove(&(Reverse(job.priority), material));
+            }
+            JobState::Leased(_) => {}
+            JobState::Completed { check, .. } => {
+                if !self.disputed.remove(&material) {
+                    self.completed -= 1;
+                }
+                self.checks_due.remove(&material);
+                if matches!(check, Check::Leased(_)) {
+                    self.checks_leased -= 1;
+                }
+            }
+            JobState::SetAside => {
+                self.set_aside.remove(&material);
+            }
+            JobState::Cancelled => {
+                self.cancelled.remove(&material);
+            }
+        }
+        if let Some(lease) = self.leases.remove(&material) {
+            self.expiries.remove(&(lease.expires, material));
+        }
+        if let Some(holder) = job.state.holder()
+            && let Some(held) = self.holdings.get_mut(&holder.worker)
+        {
+            held.remove(&material);
+            if held.is_empty() {
+                self.holdings.remove(&holder.worker);
+            }
+        }
+    }
+}

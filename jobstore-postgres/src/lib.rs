@@ -1,0 +1,233 @@
+//! The board on PostgreSQL, for any number of coordinators.
+//!
+//! Every operation is one short transaction: it locks the rows that it touches, builds a queue of
+//! those jobs alone, runs the transition of [`jobqueue`] on it, writes what changed and
+//! commits. The time is the database's.
+//!
+//! Architecture invariant: transactions run in two ways. Claims, renewals and completions run
+//! beside each other, under a shared advisory lock, and write nothing but jobs that they locked,
+//! and what belongs to those: leases, completions, images. All else, where many jobs or a worker's
+//! history may change, runs alone, under the same lock taken exclusively. So the outcome is that of
+//! some order of the operations, one after the other, and nobody waits in a circle. Commands that
+//! write do so alone as well, one command at a time.
+//!
+//! | advisory lock, beside the schema's name | whose |
+//! | --- | --- |
+//! | 1651663974 | every transaction's, shared or not |
+//! | 1651663975 | whoever looks for leases that ran out |
+//! | 1651663976 | a command that writes, for as long as it runs |
+//! | 1651663977 | a copy being made from or to here: coordinators do not start |
+//!
+//! | table | what |
+//! | --- | --- |
+//! | `jobs` | the record of each job, and columns for the indices |
+//! | `leases` | the times of leases, in narrow rows that renewals change in place |
+//! | `workers`, `sessions` | histories by name; who is there |
+//! | `completions`, `images` | what was delivered |
+//! | `tallies` | how many jobs are in which stage, counted in the same transactions |
+
+mod claiming;
+mod completing;
+mod connecting;
+mod encryption;
+mod fault;
+mod listing;
+mod moving;
+mod operating;
+mod part;
+mod schema;
+mod snapshot;
+mod sweeping;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
+#[cfg(test)]
+mod tests;
+mod upkeep;
+
+pub use connecting::DatabaseError;
+pub use connecting::{Database, without_secrets};
+pub use moving::Live;
+pub use schema::Identity;
+pub use upkeep::{Amendment, Upkeep};
+
+use completing::Completions;
+use dataset::Digest;
+use jobqueue::{
+    BarCause, Changes, Mode, Policy, Selection, Standing, WorkerChange,
+    token::{Token, WorkerId},
+};
+use jobstore::{
+    Board, BoardError, Crew, Delivery, Expired, Failed, JobsOrder, JobsPage, Judged, Leased, Meter,
+    Renewal, Surroundings, ledger::BlobPlace,
+};
+use std::{sync::Arc, time::Duration};
+use tokio::sync::watch;
+
+/// When workers that are not heard of count as gone.
+#[derive(Clone, Copy, Debug)]
+pub struct Presence {
+    /// Before whoever knew it may dismiss it.
+    pub dismissed_after: Duration,
+    /// Before anybody forgets it.
+    pub forgotten_after: Duration,
+}
+
+impl Default for Presence {
+    fn default() -> Self {
+        Self {
+            dismissed_after: limits::WORKER_ABSENT,
+            forgotten_after: 4 * limits::WORKER_ABSENT,
+        }
+    }
+}
+
+/// One coordinator's hold on the jobs in a database.
+pub struct PostgresBoard {
+    shared: Arc<Shared>,
+    completions: Completions,
+    failure: watch::Sender<Option<String>>,
+}
+
+struct Shared {
+    database: Database,
+    policy: Policy,
+    presence: Presence,
+    surroundings: Arc<Surroundings>,
+    metrics: Arc<dyn Meter>,
+}
+
+impl PostgresBoard {
+    /// A board over a database whose schema is there. Has to be called inside a runtime.
+    pub fn new(
+        database: Database,
+        policy: Policy,
+        presence: Presence,
+        metrics: Arc<dyn Meter>,
+        surroundings: Arc<Surroundings>,
+    ) -> Self {
+        let shared = Arc::new(Shared {
+            database,
+            policy,
+            presence,
+            surroundings,
+            metrics,
+        });
+        Self {
+            completions: Completions::start(Arc::clone(&shared)),
+            shared,
+            failure: watch::channel(None).0,
+        }
+    }
+}
+
+#[async_trait::async_trait]
+impl Board for PostgresBoard {
+    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError> {
+        self.shared.admit(worker, name).await
+    }
+
+    async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError> {
+        self.shared.name(worker).await
+    }
+
+    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError> {
+        self.shared.dismiss(workers).await
+    }
+
+    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError> {
+        self.shared.claim(worker, tokens).await
+    }
+
+    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError> {
+        self.shared.renew(renewals).await
+    }
+
+    async fn standing(
+        &self,
+        material: u32,
+        token: Token,
+        fingerprint: Digest,
+    ) -> Result<Standing, BoardError> {
+        self.shared.standing(material, token, fingerprint).await
+    }
+
+    async fn complete(&self, delivery: Delivery) -> Result<Judged, BoardError> {
+        self.completions.submit(delivery).await
+    }
+
+    async fn fail(&self, material: u32, token: Token, error: &str) -> Result<Failed, BoardError> {
+        self.shared.fail(material, token, error).await
+    }
+
+    async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError> {
+        self.shared.release(worker).await
+    }
+
+    async fn release_all(&self) -> Result<Changes, BoardError> {
+        self.shared.release_all().await
+    }
+
+    async fn expire(&self) -> Result<Expired, BoardError> {
+        self.shared.expire().await
+    }
+
+    async fn order(&self, order: JobsOrder, selection: &Selection) -> Result<Changes, BoardError> {
+        self.shared.order(order, selection).await
+    }
+
+    async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError> {
+        self.shared.set_mode(mode).await
+    }
+
+    async fn bar(
+        &self,
+        name: &str,
+        cause: BarCause,
+        reason: String,
+    ) -> Result<Changes, BoardError> {
+        self.shared.bar(name, cause, reason).await
+    }
+
+    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError> {
+        self.shared.unbar(name).await
+    }
+
+    async fn jobs(
+        &self,
+        from: u32,
+        jobs_max: usize,
+        selection: &Selection,
+    ) -> Result<JobsPage, BoardError> {
+        self.shared.jobs(from, jobs_max, selection).await
+    }
+
+    async fn crew(&self) -> Result<Crew, BoardError> {
+        self.shared.crew().await
+    }
+
+    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+        self.shared.places(digests).await
+    }
+
+    async fn contents(&self) -> Result<Changes, BoardError> {
+        self.shared.contents().await
+    }
+
+    async fn look(&self) -> Result<(), BoardError> {
+        self.shared.look().await.map(|_| ())
+    }
+
+    // Every operation answers when it is durable.
+    async fn settled(&self) -> Result<(), BoardError> {
+        Ok(())
+    }
+
+    // The database comes back, or stays away: no failure is the last.
+    fn failure(&self) -> watch::Receiver<Option<String>> {
+        self.failure.subscribe()
+    }
+
+    fn close(&self) {
+        self.shared.database.close();
+    }
+}

@@ -1,0 +1,177 @@
+//! What is read without changing anything.
+
+use super::{
+    Shared,
+    claiming::is_finished,
+    connecting::query,
+    fault::{Fault, attempt},
+    part::{job, json, mode, no_farm, number, stage_name},
+};
+use dataset::Digest;
+use jobqueue::{Changes, JobChange, WorkerChange};
+use jobqueue::{Counts, Selection, Stage, WorkerRecord, token::WorkerId};
+use jobstore::{BoardError, Crew, JobsPage, Overview, Session, ledger::BlobPlace};
+use std::collections::HashMap;
+use tokio_postgres::Row;
+
+/// All stages, in the order of the database's columns.
+const STAGES: [Stage; 6] = [
+    Stage::Pending,
+    Stage::Leased,
+    Stage::Completed,
+    Stage::Disputed,
+    Stage::SetAside,
+    Stage::Cancelled,
+];
+
+impl Shared {
+    /// How the jobs stand, told to the surroundings as well.
+    pub async fn look(&self) -> Result<Overview, BoardError> {
+        let overview = attempt!({
+            let mut connection = self.database.connection().await?;
+            let transaction = connection.transaction().await?;
+            let rows = query(&transaction, include_str!("sql/overview.sql"), &[]).await?;
+            let row = rows.first().ok_or_else(no_farm)?;
+            let mut counted = [0_u32; 7];
+            for (column, count) in counted.iter_mut().enumerate() {
+                *count = number(row.get(column))?;
+            }
+            let [
+                pending,
+                leased,
+                completed,
+                disputed,
+                set_aside,
+                cancelled,
+                checks,
+            ] = counted;
+            let materials = counted[..6].iter().sum();
+            let barred: i64 = row.get(8);
+            Ok(Overview {
+                counts: Counts {
+                    materials,
+                    pending,
+                    leased,
+                    completed,
+                    disputed,
+                    set_aside,
+                    cancelled,
+                    checks,
+                },
+                mode: mode(row.get(7))?,
+                workers_barred: number(barred)?,
+                finished: is_finished(&transaction).await?,
+            })
+        })?;
+        self.surroundings.tell(overview);
+        Ok(overview)
+    }
+
+    pub async fn jobs(
+        &self,
+        from: u32,
+        jobs_max: usize,
+        selection: &Selection,
+    ) -> Result<JobsPage, BoardError> {
+        let stages = STAGES.iter().filter(|stage| selection.has_stage(**stage));
+        let stages: Vec<&str> = stages.map(|stage| stage_name(*stage)).collect();
+        let ranges = selection.ranges();
+        let firsts: Vec<i64> = ranges.iter().map(|(first, _)| i64::from(*first)).collect();
+        let lasts: Vec<i64> = ranges.iter().map(|(_, last)| i64::from(*last)).collect();
+        let most = jobs_max as i64 + 1;
+        attempt!({
+            let mut connection = self.database.connection().await?;
+            let transaction = connection.transaction().await?;
+            let rows = query(
+                &transaction,
+                include_str!("sql/page.sql"),
+                &[&i64::from(from), &stages, &firsts, &lasts, &most],
+            )
+            .await?;
+            let mut page = JobsPage::default();
+            for row in &rows {
+                let (material, job) = job(row)?;
+                if page.jobs.len() == jobs_max {
+                    page.next = Some(material);
+                    break;
+                }
+                page.jobs.push((material, job, number(row.get(2))?));
+            }
+            Ok(page)
+        })
+    }
+
+    pub async fn crew(&self) -> Result<Crew, BoardError> {
+        attempt!({
+            let mut connection = self.database.connection().await?;
+            let transaction = connection.transaction().await?;
+            let sessions = query(&transaction, include_str!("sql/sessions.sql"), &[]).await?;
+            let workers = query(&transaction, include_str!("sql/workers.sql"), &[]).await?;
+            let sessions = sessions.iter().map(|row| {
+                let worker = WorkerId::from_message(row.get(0));
+                Ok(Session {
+                    worker: worker.ok_or_else(|| Fault::damaged("a session has no worker"))?,
+                    name: row.get(1),
+                    held: number(row.get(2))?,
+                })
+            });
+            Ok(Crew {
+                records: workers.iter().map(worker).collect::<Result<_, Fault>>()?,
+                sessions: sessions.collect::<Result<_, Fault>>()?,
+            })
+        })
+    }
+
+    pub async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+        let wanted: Vec<&[u8]> = digests
+            .iter()
+            .map(|digest| &digest.as_bytes()[..])
+            .collect();
+        attempt!({
+            let mut connection = self.database.connection().await?;
+            let transaction = connection.transaction().await?;
+            let rows = query(&transaction, include_str!("sql/places.sql"), &[&wanted]).await?;
+            let places = rows.iter().map(|row| {
+                let view: i32 = row.get(2);
+                let bytes: i64 = row.get(3);
+                let place = BlobPlace {
+                    material: number(row.get(1))?,
+                    view: number(i64::from(view))?,
+                    bytes: u64::try_from(bytes).map_err(Fault::damaged)?,
+                };
+                Ok((row.get(0), place))
+            });
+            let places: HashMap<&[u8], BlobPlace> = places.collect::<Result<_, Fault>>()?;
+            let found = wanted.iter().map(|digest| places.get(digest).copied());
+            Ok(found.collect())
+        })
+    }
+
+    pub async fn contents(&self) -> Result<Changes, BoardError> {
+        attempt!({
+            let mut connection = self.database.connection().await?;
+            let transaction = connection.transaction().await?;
+            let farm = query(&transaction, include_str!("sql/farm.sql"), &[]).await?;
+            let jobs = query(&transaction, include_str!("sql/records.sql"), &[]).await?;
+            let workers = query(&transaction, include_str!("sql/workers.sql"), &[]).await?;
+            let jobs = jobs.iter().map(|row| {
+                let (material, record) = job(row)?;
+                Ok(JobChange { material, record })
+            });
+            let workers = workers.iter().map(|row| {
+                let (name, record) = worker(row)?;
+                Ok(WorkerChange { name, record })
+            });
+            Ok(Changes {
+                jobs: jobs.collect::<Result<_, Fault>>()?,
+                workers: workers.collect::<Result<_, Fault>>()?,
+                mode: Some(mode(farm[0].get(0))?),
+                retracted: Vec::new(),
+            })
+        })
+    }
+}
+
+pub(super) fn worker(row: &Row) -> Result<(String, WorkerRecord), Fault> {
+    Ok((row.get(0), json(row.get(1), "worker")?))
+}

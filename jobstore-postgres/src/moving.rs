@@ -1,0 +1,179 @@
+//! A database from which, or into which, a store is copied: nobody else changes it meanwhile.
+
+use super::{
+    connecting::{DatabaseError, execute, query},
+    fault::Fault,
+    listing::worker,
+    part::{Part, Way, json, mode, ms, no_farm, number, record},
+    schema::{self, Identity},
+    upkeep::Upkeep,
+};
+use jobqueue::{Changes, JobChange, Policy, WorkerChange};
+use jobstore::kept::{Crew, Entry, Page};
+use tokio_postgres::Row;
+
+/// Who is at work on a database.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Live {
+    /// Workers heard of lately.
+    pub workers: u32,
+    /// Leases that have not run out.
+    pub leases: u32,
+}
+
+impl Upkeep {
+    /// Keeps coordinators from starting, and all transactions of those that run waiting, for as
+    /// long as this session lives; says who was at work.
+    pub async fn hold_still(&mut self) -> Result<Live, DatabaseError> {
+        let live = self.hold_once().await.map_err(|fault| self.away(fault))?;
+        self.exclude().await?;
+        Ok(live)
+    }
+
+    async fn hold_once(&mut self) -> Result<Live, Fault> {
+        let statement = include_str!("sql/lock_moving.sql");
+        self.client.query_one(statement, &[]).await?;
+        let after = ms(limits::WORKER_ABSENT);
+        let statement = include_str!("sql/live.sql");
+        let row = self.client.query_one(statement, &[&after]).await?;
+        Ok(Live {
+            workers: number(row.get(0))?,
+            leases: number(row.get(1))?,
+        })
+    }
+
+    /// Makes the database about a dataset of so many materials, as [`super::Database::make`] does.
+    pub async fn make(&mut self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
+        let made = async {
+            let transaction = self.client.transaction().await?;
+            schema::make(&transaction, identity, materials).await?;
+            Ok(transaction.commit().await?)
+        };
+        made.await.map_err(|fault: Fault| self.away(fault))
+    }
+
+    /// How many jobs are complete, be they disputed or not.
+    pub async fn completed(&mut self) -> Result<u32, DatabaseError> {
+        let completed = async {
+            let statement = include_str!("sql/completed.sql");
+            number(self.client.query_one(statement, &[]).await?.get(0))
+        };
+        completed.await.map_err(|fault| self.away(fault))
+    }
+
+    /// Jobs with a record from one on, as many as fit a page, without their leases.
+    pub async fn entries(&mut self, from: u32, most: usize) -> Result<Page, DatabaseError> {
+        let page = self.entries_once(from, most).await;
+        page.map_err(|fault| self.away(fault))
+    }
+
+    async fn entries_once(&mut self, from: u32, most: usize) -> Result<Page, Fault> {
+        let transaction = self.client.transaction().await?;
+        let statement = include_str!("sql/entries.sql");
+        let rows = query(&transaction, statement, &[&i64::from(from), &(most as i64)]).await?;
+        let next = match rows.last() {
+            Some(last) if rows.len() == most => number(last.get(0))?.checked_add(1),
+            _ => None,
+        };
+        let entries = rows.iter().map(entry).collect::<Result<Vec<_>, Fault>>()?;
+        Ok(Page::new(entries, next))
+    }
+
+    /// Writes records and completions over those that are there, all or none.
+    pub async fn write_entries(&mut self, entries: &[Entry]) -> Result<(), DatabaseError> {
+        let written = self.write_entries_once(entries).await;
+        written.map_err(|fault| self.away(fault))
+    }
+
+    async fn write_entries_once(&mut self, entries: &[Entry]) -> Result<(), Fault> {
+        let transaction = self.client.transaction().await?;
+        let mut part = Part::begin(&transaction, Way::Alone, Policy::default()).await?;
+        let materials: Vec<i64> = entries
+            .iter()
+            .map(|entry| i64::from(entry.material))
+            .collect();
+        part.lock_jobs(&transaction, &materials).await?;
+        let jobs = entries.iter().map(|entry| JobChange {
+            material: entry.material,
+            record: entry.record.clone(),
+        });
+        let changes = Changes {
+            jobs: jobs.collect(),
+            ..Changes::default()
+        };
+        let completions: Vec<_> = entries
+            .iter()
+            .filter_map(|entry| entry.completion.as_ref())
+            .collect();
+        part.write(&transaction, &changes, &completions).await?;
+        Ok(transaction.commit().await?)
+    }
+
+    /// What is kept of workers, and whether work is handed out.
+    pub async fn crew_kept(&mut self) -> Result<Crew, DatabaseError> {
+        let crew = self.crew_once().await;
+        crew.map_err(|fault| self.away(fault))
+    }
+
+    async fn crew_once(&mut self) -> Result<Crew, Fault> {
+        let transaction = self.client.transaction().await?;
+        let rows = query(&transaction, include_str!("sql/workers.sql"), &[]).await?;
+        let workers = rows.iter().map(worker).collect::<Result<_, Fault>>()?;
+        let rows = query(&transaction, include_str!("sql/farm.sql"), &[]).await?;
+        let farm = rows.first().ok_or_else(no_farm)?;
+        Ok(Crew {
+            workers,
+            mode: mode(farm.get(0))?,
+        })
+    }
+
+    /// Writes what is kept of workers over what is there, and the mode. Bars over failures get their
+    /// full time again.
+    pub async fn write_crew(&mut self, crew: &Crew) -> Result<(), DatabaseError> {
+        let written = self.write_crew_once(crew).await;
+        written.map_err(|fault| self.away(fault))
+    }
+
+    async fn write_crew_once(&mut self, crew: &Crew) -> Result<(), Fault> {
+        let transaction = self.client.transaction().await?;
+        let policy = Policy::default();
+        let mut part = Part::begin(&transaction, Way::Alone, policy).await?;
+        let ends = part.now + policy.bar;
+        let workers = crew.workers.iter().map(|(name, record)| WorkerChange {
+            name: name.clone(),
+            record: record.clone(),
+        });
+        let workers: Vec<WorkerChange> = workers.collect();
+        for change in &workers {
+            part.queue.add_worker(change.clone(), ends);
+        }
+        let changes = Changes {
+            workers,
+            mode: Some(crew.mode),
+            ..Changes::default()
+        };
+        part.write(&transaction, &changes, &[]).await?;
+        Ok(transaction.commit().await?)
+    }
+
+    /// Notes that the whole of a copy is there: the database is a store like any other.
+    pub async fn note_migrated(&mut self) -> Result<(), DatabaseError> {
+        let noted = async {
+            let transaction = self.client.transaction().await?;
+            execute(&transaction, include_str!("sql/migrated.sql"), &[]).await?;
+            Ok(transaction.commit().await?)
+        };
+        noted.await.map_err(|fault: Fault| self.away(fault))
+    }
+}
+
+fn entry(row: &Row) -> Result<Entry, Fault> {
+    let completion: Option<&str> = row.get(2);
+    Ok(Entry {
+        material: number(row.get(0))?,
+        record: record(row.get(1))?,
+        completion: completion
+            .map(|text| json(text, "completion"))
+            .transpose()?,
+    })
+}

@@ -1,0 +1,477 @@
+//! A part of the queue: read, locked, changed by the queue's own transitions, written.
+
+use super::{
+    connecting::{execute, query},
+    fault::Fault,
+};
+use deadpool_postgres::Transaction;
+use jobqueue::{
+    BarCause, Changes, Check, Completion, JobRecord, JobState, Lease, Mode, Policy, Queue, Stage,
+    WorkerChange, WorkerRecord,
+    token::{Token, WorkerId},
+};
+use serde::de::DeserializeOwned;
+use std::{collections::BTreeMap, time::Duration};
+use tokio_postgres::Row;
+
+/// Some jobs, locked, and the moment at which that was so.
+pub(super) struct Part {
+    pub queue: Queue,
+    pub now: Duration,
+    before: BTreeMap<u32, JobRecord>,
+}
+
+/// Others of its kind run beside it, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Way {
+    Beside,
+    Alone,
+}
+
+impl Part {
+    /// Takes the lock of all transactions and begins with no job.
+    pub async fn begin(
+        transaction: &Transaction<'_>,
+        way: Way,
+        policy: Policy,
+    ) -> Result<Self, Fault> {
+        lock(transaction, way).await?;
+        let rows = query(transaction, include_str!("sql/farm.sql"), &[]).await?;
+        let farm = rows.first().ok_or_else(no_farm)?;
+        let mode = mode(farm.get(0))?;
+        Ok(Self::new(policy, mode, time(farm.get(1))))
+    }
+
+    pub fn new(policy: Policy, mode: Mode, now: Duration) -> Self {
+        Self {
+            queue: Queue::of_some(policy, mode),
+            now,
+            before: BTreeMap::new(),
+        }
+    }
+
+    /// Adds locked jobs that have no lease.
+    pub fn add(&mut self, rows: &[Row]) -> Result<(), Fault> {
+        for row in rows {
+            let (material, record) = job(row)?;
+            self.queue.add_job(material, record.clone(), None);
+            self.before.insert(material, record);
+        }
+        Ok(())
+    }
+
+    /// Locks jobs and their leases, in their order, and adds them. Those there are not are passed
+    /// over.
+    pub async fn lock_jobs(
+        &mut self,
+        transaction: &Transaction<'_>,
+        materials: &[i64],
+    ) -> Result<(), Fault> {
+        if materials.is_empty() {
+            return Ok(());
+        }
+        let jobs = query(
+            transaction,
+            include_str!("sql/jobs_locked.sql"),
+            &[&materials],
+        )
+        .await?;
+        let mut leases = lock_leases(transaction, materials).await?;
+        for row in &jobs {
+            let (material, record) = job(row)?;
+            let lease = leases.remove(&material).map(|(_, _, lease)| lease);
+            if record.state.holder().is_some() != lease.is_some() {
+                return Err(Fault::damaged(format!(
+                    "job and lease of material {material} contradict each other"
+                )));
+            }
+            self.queue.add_job(material, record.clone(), lease);
+            self.before.insert(material, record);
+        }
+        Ok(())
+    }
+
+    /// Adds the histories of workers. Only for who runs alone.
+    pub async fn add_workers(
+        &mut self,
+        transaction: &Transaction<'_>,
+        names: &[&str],
+    ) -> Result<(), Fault> {
+        let statement = include_str!("sql/workers_of_names.sql");
+        for row in query(transaction, statement, &[&names]).await? {
+            let record = json(row.get(1), "worker")?;
+            let bar_ends: Option<i64> = row.get(2);
+            let name = row.get(0);
+            let bar_ends = time(bar_ends.unwrap_or_default());
+            self.queue
+                .add_worker(WorkerChange { name, record }, bar_ends);
+        }
+        Ok(())
+    }
+
+    /// Writes what changed, and what was completed.
+    pub async fn write(
+        &self,
+        transaction: &Transaction<'_>,
+        changes: &Changes,
+        completions: &[&Completion],
+    ) -> Result<(), Fault> {
+        if changes.is_empty() {
+            return Ok(());
+        }
+        let jobs = changes.jobs.iter();
+        let jobs: BTreeMap<u32, &JobRecord> = jobs
+            .map(|change| (change.material, &change.record))
+            .collect();
+        if !jobs.is_empty() {
+            write_jobs(transaction, &jobs).await?;
+            self.write_leases(transaction, &jobs).await?;
+        }
+        self.write_workers(transaction, changes).await?;
+        if let Some(mode) = changes.mode {
+            let mode = text(&mode)?;
+            execute(transaction, include_str!("sql/write_mode.sql"), &[&mode]).await?;
+        }
+        write_completions(transaction, completions).await?;
+        // The last: it is what transactions of connections that share a shard wait for.
+        self.tally(transaction, &jobs).await
+    }
+
+    async fn write_leases(
+        &self,
+        transaction: &Transaction<'_>,
+        jobs: &BTreeMap<u32, &JobRecord>,
+    ) -> Result<(), Fault> {
+        let mut ended = Vec::new();
+        let mut held = Vec::new();
+        for (material, record) in jobs {
+            let number = i64::from(*material);
+            match (record.state.holder(), self.queue.lease(*material)) {
+                (Some(holder), Some(lease)) => held.push((number, holder, lease)),
+                _ => {
+                    let before = self.before.get(material);
+                    if before.is_some_and(|before| before.state.holder().is_some()) {
+                        ended.push(number);
+                    }
+                }
+            }
+        }
+        if !ended.is_empty() {
+            execute(transaction, include_str!("sql/end_leases.sql"), &[&ended]).await?;
+        }
+        if held.is_empty() {
+            return Ok(());
+        }
+        let materials: Vec<i64> = held.iter().map(|held| held.0).collect();
+        let tokens: Vec<Vec<u8>> = held.iter().map(|held| held.1.token.to_message()).collect();
+        let workers: Vec<Vec<u8>> = held.iter().map(|held| held.1.worker.to_message()).collect();
+        let names: Vec<&str> = held.iter().map(|held| held.1.name.as_str()).collect();
+        let claimed: Vec<i64> = held.iter().map(|held| ms(held.2.claimed)).collect();
+        let expires: Vec<i64> = held.iter().map(|held| ms(held.2.expires)).collect();
+        let views: Vec<i64> = held
+            .iter()
+            .map(|held| i64::from(held.2.views_done))
+            .collect();
+        let progressed: Vec<i64> = held.iter().map(|held| ms(held.2.progressed)).collect();
+        execute(
+            transaction,
+            include_str!("sql/write_leases.sql"),
+            &[
+                &materials,
+                &tokens,
+                &workers,
+                &names,
+                &claimed,
+                &expires,
+                &views,
+                &progressed,
+            ],
+        )
+        .await?;
+        Ok(())
+    }
+
+    async fn write_workers(
+        &self,
+        transaction: &Transaction<'_>,
+        changes: &Changes,
+    ) -> Result<(), Fault> {
+        let workers = changes.workers.iter();
+        let workers: BTreeMap<&str, &WorkerRecord> = workers
+            .map(|change| (change.name.as_str(), &change.record))
+            .collect();
+        let (forgotten, kept): (Vec<_>, Vec<_>) = workers
+            .into_iter()
+            .partition(|(_, record)| **record == WorkerRecord::default());
+        let forgotten: Vec<&str> = forgotten.into_iter().map(|(name, _)| name).collect();
+        if !forgotten.is_empty() {
+            let statement = include_str!("sql/forget_workers.sql");
+            execute(transaction, statement, &[&forgotten]).await?;
+        }
+        if kept.is_empty() {
+            return Ok(());
+        }
+        let names: Vec<&str> = kept.iter().map(|(name, _)| *name).collect();
+        let barred: Vec<bool> = kept
+            .iter()
+            .map(|(_, record)| record.bar.is_some())
+            .collect();
+        let failing = kept
+            .iter()
+            .map(|(_, record)| !record.failures_in_a_row.is_empty());
+        let failing: Vec<bool> = failing.collect();
+        let ends = kept.iter().map(|(name, record)| {
+            let cause = record.bar.as_ref().map(|bar| bar.cause);
+            let ends = (cause == Some(BarCause::Failures)).then(|| self.queue.bar_end(name));
+            ends.flatten().map(ms)
+        });
+        let ends: Vec<Option<i64>> = ends.collect();
+        let records = kept.iter().map(|(_, record)| text(record));
+        let records = records.collect::<Result<Vec<String>, Fault>>()?;
+        execute(
+            transaction,
+            include_str!("sql/write_workers.sql"),
+            &[
+                &names,
+                &barred,
+                &failing,
+                &ends,
+                &records,
+                &(limits::WORKER_RECORDS_MAX as i64),
+            ],
+        )
+        .await?;
+        Ok(())
+    }
+
+    async fn tally(
+        &self,
+        transaction: &Transaction<'_>,
+        jobs: &BTreeMap<u32, &JobRecord>,
+    ) -> Result<(), Fault> {
+        let mut tally = [0_i64; 7];
+        for (material, record) in jobs {
+            if let Some(before) = self.before.get(material) {
+                count(&mut tally, before, -1);
+                count(&mut tally, record, 1);
+            }
+        }
+        if tally == [0; 7] {
+            return Ok(());
+        }
+        let [
+            pending,
+            leased,
+            completed,
+            disputed,
+            set_aside,
+            cancelled,
+            checks,
+        ] = &tally;
+        execute(
+            transaction,
+            include_str!("sql/tally.sql"),
+            &[
+                pending, leased, completed, disputed, set_aside, cancelled, checks,
+            ],
+        )
+        .await?;
+        Ok(())
+    }
+}
+
+/// Takes the lock of all transactions.
+pub(super) async fn lock(transaction: &Transaction<'_>, way: Way) -> Result<(), Fault> {
+    let statement = match way {
+        Way::Beside => include_str!("sql/lock_beside.sql"),
+        Way::Alone => include_str!("sql/lock_alone.sql"),
+    };
+    query(transaction, statement, &[]).await?;
+    Ok(())
+}
+
+/// Locks leases, in their order; their tokens, holders' names and times.
+pub(super) async fn lock_leases(
+    transaction: &Transaction<'_>,
+    materials: &[i64],
+) -> Result<BTreeMap<u32, (Token, (WorkerId, String), Lease)>, Fault> {
+    let statement = include_str!("sql/leases_locked.sql");
+    let rows = query(transaction, statement, &[&materials]).await?;
+    let leases = rows.iter().map(|row| {
+        let token = Token::from_message(row.get(1));
+        let worker = WorkerId::from_message(row.get(2));
+        let (Some(token), Some(worker)) = (token, worker) else {
+            return Err(Fault::damaged("a lease has no token or no worker"));
+        };
+        let lease = Lease {
+            claimed: time(row.get(4)),
+            expires: time(row.get(5)),
+            views_done: number(row.get(6))?,
+            progressed: time(row.get(7)),
+        };
+        Ok((number(row.get(0))?, (token, (worker, row.get(3)), lease)))
+    });
+    leases.collect()
+}
+
+async fn write_jobs(
+    transaction: &Transaction<'_>,
+    jobs: &BTreeMap<u32, &JobRecord>,
+) -> Result<(), Fault> {
+    let materials: Vec<i64> = jobs.keys().map(|material| i64::from(*material)).collect();
+    let stages: Vec<&str> = jobs
+        .values()
+        .map(|job| stage_name(job.state.stage()))
+        .collect();
+    let priorities: Vec<i32> = jobs.values().map(|job| job.priority).collect();
+    let mut wanted = Vec::new();
+    let mut renderers: Vec<Option<&str>> = Vec::new();
+    let mut contradictors: Vec<Option<&str>> = Vec::new();
+    for job in jobs.values() {
+        let (judge, renderer, contradictor) = match &job.state {
+            JobState::Completed { worker, check, .. } => match check {
+                Check::Agreed => (false, None, None),
+                Check::Disputed(dispute) => (
+                    dispute.holder.is_none(),
+                    Some(worker.as_str()),
+                    Some(dispute.worker.as_str()),
+                ),
+                check => (*check == Check::Due, Some(worker.as_str()), None),
+            },
+            _ => (false, None, None),
+        };
+        wanted.push(judge);
+        renderers.push(renderer);
+        contradictors.push(contradictor);
+    }
+    let failed = jobs.values().map(|job| {
+        let failures = job.failures.iter();
+        let mut names: Vec<&str> = failures.map(|failure| failure.worker.as_str()).collect();
+        names.sort_unstable();
+        names.dedup();
+        names.join("\u{1f}")
+    });
+    let failed: Vec<String> = failed.collect();
+    let records = jobs.values().map(|job| {
+        let kept = **job != JobRecord::default();
+        kept.then(|| text(job)).transpose()
+    });
+    let records = records.collect::<Result<Vec<Option<String>>, Fault>>()?;
+    execute(
+        transaction,
+        include_str!("sql/write_jobs.sql"),
+        &[
+            &materials,
+            &stages,
+            &priorities,
+            &wanted,
+            &renderers,
+            &contradictors,
+            &failed,
+            &records,
+        ],
+    )
+    .await?;
+    Ok(())
+}
+
+async fn write_completions(
+    transaction: &Transaction<'_>,
+    completions: &[&Completion],
+) -> Result<(), Fault> {
+    // A statement touches a row once: of one material the last counts.
+    let last = completions
+        .iter()
+        .map(|completion| (completion.material, *completion));
+    let last: BTreeMap<u32, &Completion> = last.collect();
+    if last.is_empty() {
+        return Ok(());
+    }
+    let materials: Vec<i64> = last.keys().map(|material| i64::from(*material)).collect();
+    let texts = last.values().copied().map(text);
+    let texts = texts.collect::<Result<Vec<String>, Fault>>()?;
+    let statement = include_str!("sql/write_completions.sql");
+    execute(transaction, statement, &[&materials, &texts]).await?;
+    let images = last.values().flat_map(|completion| {
+        let views = (0..).zip(&completion.views);
+        views.map(|(view, image): (i32, _)| {
+            let place = (i64::from(completion.material), view, image.bytes as i64);
+            (image.digest.as_bytes().as_slice(), place)
+        })
+    });
+    let images: BTreeMap<&[u8], (i64, i32, i64)> = images.collect();
+    let digests: Vec<&[u8]> = images.keys().copied().collect();
+    let materials: Vec<i64> = images.values().map(|place| place.0).collect();
+    let views: Vec<i32> = images.values().map(|place| place.1).collect();
+    let bytes: Vec<i64> = images.values().map(|place| place.2).collect();
+    let statement = include_str!("sql/write_images.sql");
+    execute(
+        transaction,
+        statement,
+        &[&digests, &materials, &views, &bytes],
+    )
+    .await?;
+    Ok(())
+}
+
+fn count(tally: &mut [i64; 7], job: &JobRecord, by: i64) {
+    tally[job.state.stage() as usize] += by;
+    if let JobState::Completed {
+        check: Check::Due | Check::Leased(_),
+        ..
+    } = job.state
+    {
+        tally[6] += by;
+    }
+}
+
+/// A row's material and record.
+pub(super) fn job(row: &Row) -> Result<(u32, JobRecord), Fault> {
+    Ok((number(row.get(0))?, record(row.get(1))?))
+}
+
+/// The record of a job; none is one without a history.
+pub(super) fn record(text: Option<&str>) -> Result<JobRecord, Fault> {
+    text.map_or_else(|| Ok(JobRecord::default()), |text| json(text, "job"))
+}
+
+pub(super) fn mode(text: &str) -> Result<Mode, Fault> {
+    json(text, "mode")
+}
+
+pub(super) fn json<T: DeserializeOwned>(text: &str, what: &str) -> Result<T, Fault> {
+    let read = serde_json::from_str(text);
+    read.map_err(|error| Fault::damaged(format!("a {what} cannot be read: {error}")))
+}
+
+fn text<T: serde::Serialize>(value: &T) -> Result<String, Fault> {
+    serde_json::to_string(value).map_err(Fault::damaged)
+}
+
+pub(super) fn number(number: i64) -> Result<u32, Fault> {
+    u32::try_from(number).map_err(|_| Fault::damaged(format!("{number} is out of range")))
+}
+
+pub(super) fn time(milliseconds: i64) -> Duration {
+    Duration::from_millis(u64::try_from(milliseconds).unwrap_or_default())
+}
+
+pub(super) fn ms(time: Duration) -> i64 {
+    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
+}
+
+pub(super) fn no_farm() -> Fault {
+    Fault::damaged("the database has no dataset any more")
+}
+
+/// A stage as the database calls it.
+pub(super) fn stage_name(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Pending => "pending",
+        Stage::Leased => "leased",
+        Stage::Completed => "completed",
+        Stage::Disputed => "disputed",
+        Stage::SetAside => "set_aside",
+        Stage::Cancelled => "cancelled",
+    }
+}

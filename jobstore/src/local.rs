@@ -1,0 +1,469 @@
+//! The board of one process: the queue in memory, its changes in a ledger, by group commit.
+//!
+//! The queue is behind one lock, which is held for microseconds and never over a wait. An operation
+//! changes the queue and submits the change to the commit thread under the lock, then waits without
+//! it until the change is durable, and only then answers.
+
+use super::{
+    Board, BoardError, Crew, Delivery, Expired, Failed, JobsOrder, JobsPage, Judged, Leased,
+    Overview, Renewal, Session, Surroundings,
+};
+use crate::{
+    commit::{Committer, Transition},
+    completion_log::CompletionLog,
+    group::Pending,
+    ledger::{BlobPlace, Ledger},
+    meter::Meter,
+};
+use dataset::Digest;
+use imagestore::FileError;
+use jobqueue::{
+    BarCause, Changes, Mode, Queue, Selection, Standing, Verdict, WorkerChange,
+    token::{Token, WorkerId},
+};
+use std::{
+    sync::{Arc, Mutex, MutexGuard, PoisonError, atomic::Ordering},
+    time::Duration,
+};
+use tokio::{sync::watch, task};
+
+/// Tells the time since the start.
+pub type Clock = Box<dyn Fn() -> Duration + Send + Sync>;
+
+/// A queue, and the thread that makes its changes durable.
+pub struct LocalBoard {
+    queue: Arc<Mutex<Queue>>,
+    committer: Committer,
+    ledger: Arc<dyn Ledger>,
+    surroundings: Arc<Surroundings>,
+    clock: Clock,
+}
+
+fn lock(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
+    // Nothing that runs under the lock panics half way through a change.
+    queue.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn overview(queue: &Queue) -> Overview {
+    let records = queue.worker_records();
+    let barred = records.filter(|(_, record)| record.bar.is_some());
+    Overview {
+        counts: queue.counts(),
+        mode: queue.mode(),
+        workers_barred: barred.count() as u32,
+        finished: queue.is_finished(),
+    }
+}
+
+impl LocalBoard {
+    /// Starts the commit thread over a queue that holds what `ledger` kept.
+    pub fn start(
+        queue: Queue,
+        log: CompletionLog,
+        ledger: Arc<dyn Ledger>,
+        metrics: Arc<dyn Meter>,
+        surroundings: Arc<Surroundings>,
+        clock: Clock,
+    ) -> Result<Self, FileError> {
+        let queue = Arc::new(Mutex::new(queue));
+        let committed = Arc::clone(&queue);
+        let (named, around) = (Arc::clone(&surroundings), Arc::clone(&surroundings));
+        let committer = Committer::start(
+            surroundings.blobs.clone(),
+            log,
+            Arc::clone(&ledger),
+            metrics,
+            move |images| named.staging().published(images),
+            move |images| {
+                around.forget(images);
+                let overview = overview(&lock(&committed));
+                around.tell(overview);
+            },
+        )?;
+        let board = Self {
+            queue,
+            committer,
+            ledger,
+            surroundings,
+            clock,
+        };
+        let overview = overview(&board.lock());
+        board.surroundings.tell(overview);
+        Ok(board)
+    }
+
+    /// A board without a thread of its own, which tells its surroundings only when it is asked to
+    /// look.
+    #[cfg(test)]
+    pub fn without_thread(
+        queue: Queue,
+        log: CompletionLog,
+        ledger: Arc<dyn Ledger>,
+        surroundings: Arc<Surroundings>,
+        clock: Clock,
+    ) -> Self {
+        let blobs = surroundings.blobs.clone();
+        Self {
+            queue: Arc::new(Mutex::new(queue)),
+            committer: Committer::without_thread(blobs, log, Arc::clone(&ledger)),
+            ledger,
+            surroundings,
+            clock,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Queue> {
+        lock(&self.queue)
+    }
+
+    fn now(&self) -> Duration {
+        (self.clock)()
+    }
+
+    /// Submits changes, if there are any. Has to be called under the lock that they were made
+    /// under.
+    fn submit(&self, changes: &Changes) -> Option<Pending> {
+        (!changes.is_empty()).then(|| {
+            self.committer.submit(Transition {
+                changes: changes.clone(),
+                ..Transition::default()
+            })
+        })
+    }
+
+    /// Wakes those who wait for a lease when there may be one, or never will be again.
+    fn after(&self, queue: &Queue, changes: &Changes) {
+        if changes.offer_work() || queue.is_finished() {
+            self.surroundings.work.notify_waiters();
+        }
+    }
+
+    /// Changes the queue, durably.
+    async fn operate(
+        &self,
+        change: impl FnOnce(&mut Queue, Duration) -> Changes + Send,
+    ) -> Result<Changes, BoardError> {
+        let (changes, pending) = {
+            let mut queue = self.lock();
+            let changes = change(&mut queue, self.now());
+            let pending = self.submit(&changes);
+            self.after(&queue, &changes);
+            (changes, pending)
+        };
+        match pending {
+            Some(pending) => pending.durable().await?,
+            // What was so before may still be on its way to the disk.
+            None => self.settled().await?,
+        }
+        Ok(changes)
+    }
+}
+
+#[async_trait::async_trait]
+impl Board for LocalBoard {
+    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError> {
+        let mut queue = self.lock();
+        queue.admit(worker, name);
+        // A worker of another name may be what a second rendering waits for.
+        self.surroundings.work.notify_waiters();
+        let overview = overview(&queue);
+        drop(queue);
+        self.surroundings.tell(overview);
+        Ok(())
+    }
+
+    async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError> {
+        Ok(self.lock().name(worker).map(str::to_owned))
+    }
+
+    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError> {
+        let mut queue = self.lock();
+        for worker in workers {
+            if !queue.holds(*worker) {
+                queue.dismiss(*worker);
+            }
+        }
+        let overview = overview(&queue);
+        drop(queue);
+        self.surroundings.tell(overview);
+        Ok(())
+    }
+
+    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError> {
+        let (leased, pending) = {
+            let mut queue = self.lock();
+            let finished = queue.is_finished();
+            let draining = queue.mode() == Mode::Draining;
+            if finished || draining {
+                return Ok(Leased {
+                    finished,
+                    draining,
+                    ..Leased::default()
+                });
+            }
+            let changes = queue.claim(worker, tokens, self.now());
+            let pending = self.submit(&changes);
+            let materials = changes.jobs.iter().map(|change| change.material);
+            let name = queue.name(worker);
+            let bar = name.and_then(|name| queue.bar_of(name));
+            let leased = Leased {
+                jobs: tokens.iter().copied().zip(materials).collect(),
+                barred: bar.map(|bar| bar.reason.clone()),
+                ..Leased::default()
+            };
+            (leased, pending)
+        };
+        if let Some(pending) = pending {
+            pending.durable().await?;
+        }
+        Ok(leased)
+    }
+
+    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError> {
+        let mut queue = self.lock();
+        let now = self.now();
+        let renewed = renewals.iter().map(|renewal| {
+            let Renewal {
+                token,
+                material,
+                views_done,
+            } = *renewal;
+            queue.renew(material, token, views_done, now)
+        });
+        Ok(renewed.collect())
+    }
+
+    async fn standing(
+        &self,
+        material: u32,
+        token: Token,
+        fingerprint: Digest,
+    ) -> Result<Standing, BoardError> {
+        Ok(self.lock().standing(material, token, fingerprint)?)
+    }
+
+    // Even where nothing changes something is submitted: the first of two equal completions may
+    // still be on its way to the disk, and the second has to wait for it.
+    async fn complete(&self, delivery: Delivery) -> Result<Judged, BoardError> {
+        let Delivery {
+            token,
+            mut completion,
+            check,
+        } = delivery;
+        let material = completion.material;
+        let fingerprint = completion.fingerprint();
+        if self.lock().would_record(material, token, fingerprint) {
+            let images = self.surroundings.staging().begin_publishing(&completion);
+            if !images.is_empty() {
+                self.committer.publish(images).durable().await?;
+            }
+        }
+        let (judged, pending) = {
+            let mut queue = self.lock();
+            let holder = queue.holder(material).cloned();
+            let (verdict, changes) =
+                queue.complete(material, token, fingerprint, check, self.now())?;
+            let mut transition = Transition {
+                changes: changes.clone(),
+                ..Transition::default()
+            };
+            if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder)
+            {
+                let mut staging = self.surroundings.staging();
+                staging.forget_published(&completion);
+                transition.images = staging.begin_publishing(&completion);
+                drop(staging);
+                let received = &self.surroundings.bytes_received;
+                received.fetch_add(completion.bytes(), Ordering::Relaxed);
+                completion.worker.clone_from(&holder.name);
+                transition.completion = Some(completion);
+            }
+            self.after(&queue, &changes);
+            let pending = self.committer.submit(transition);
+            let judged = Judged {
+                verdict,
+                holder,
+                changes,
+            };
+            (judged, pending)
+        };
+        pending.durable().await?;
+        Ok(judged)
+    }
+
+    async fn fail(&self, material: u32, token: Token, error: &str) -> Result<Failed, BoardError> {
+        let (failed, pending) = {
+            let mut queue = self.lock();
+            let holder = queue.holder(material);
+            let worker = holder.map(|holder| holder.name.clone());
+            let changes = queue.fail(material, token, error, self.now())?;
+            self.surroundings.failures.fetch_add(1, Ordering::Relaxed);
+            let pending = self.submit(&changes);
+            self.after(&queue, &changes);
+            let failed = Failed {
+                worker: worker.unwrap_or_default(),
+                changes,
+            };
+            (failed, pending)
+        };
+        if let Some(pending) = pending {
+            pending.durable().await?;
+        }
+        Ok(failed)
+    }
+
+    async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError> {
+        let (changes, pending) = {
+            let mut queue = self.lock();
+            let changes = queue.release(worker, self.now());
+            queue.dismiss(worker);
+            let pending = self.submit(&changes);
+            self.after(&queue, &changes);
+            let overview = overview(&queue);
+            drop(queue);
+            self.surroundings.tell(overview);
+            (changes, pending)
+        };
+        if let Some(pending) = pending {
+            pending.durable().await?;
+        }
+        Ok(changes)
+    }
+
+    async fn release_all(&self) -> Result<Changes, BoardError> {
+        self.operate(Queue::release_all).await
+    }
+
+    async fn expire(&self) -> Result<Expired, BoardError> {
+        let (expired, pending) = {
+            let mut queue = self.lock();
+            let now = self.now();
+            let (changes, lost) = queue.expire(now);
+            let lost_count = &self.surroundings.leases_lost;
+            lost_count.fetch_add(lost.len() as u64, Ordering::Relaxed);
+            let pending = self.submit(&changes);
+            self.after(&queue, &changes);
+            let next = queue.next_expiry();
+            let expired = Expired {
+                changes,
+                lost,
+                next: next.map(|next| next.saturating_sub(now)),
+            };
+            (expired, pending)
+        };
+        if let Some(pending) = pending {
+            pending.durable().await?;
+        }
+        Ok(expired)
+    }
+
+    async fn order(&self, order: JobsOrder, selection: &Selection) -> Result<Changes, BoardError> {
+        self.operate(|queue, now| {
+            let materials = queue.selected(selection);
+            match order {
+                JobsOrder::Retry => queue.retry(materials, now),
+                JobsOrder::Cancel => queue.cancel(materials, now),
+                JobsOrder::Prioritize(priority) => queue.prioritize(materials, priority, now),
+            }
+        })
+        .await
+    }
+
+    async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError> {
+        self.operate(|queue, _| queue.set_mode(mode)).await
+    }
+
+    async fn bar(
+        &self,
+        name: &str,
+        cause: BarCause,
+        reason: String,
+    ) -> Result<Changes, BoardError> {
+        self.operate(|queue, now| queue.bar(name, cause, reason, now))
+            .await
+    }
+
+    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError> {
+        let changes = self.operate(|queue, _| Changes {
+            workers: queue.unbar(name).into_iter().collect(),
+            ..Changes::default()
+        });
+        Ok(changes.await?.workers.pop())
+    }
+
+    async fn jobs(
+        &self,
+        from: u32,
+        jobs_max: usize,
+        selection: &Selection,
+    ) -> Result<JobsPage, BoardError> {
+        let queue = self.lock();
+        let mut page = JobsPage::default();
+        for (material, job) in queue.jobs_from(from) {
+            if !selection.contains(material, job) {
+                continue;
+            }
+            if page.jobs.len() == jobs_max {
+                page.next = Some(material);
+                break;
+            }
+            let views_done = queue.views_done(material).unwrap_or(0);
+            page.jobs.push((material, job.clone(), views_done));
+        }
+        Ok(page)
+    }
+
+    async fn crew(&self) -> Result<Crew, BoardError> {
+        let queue = self.lock();
+        let records = queue.worker_records();
+        let sessions = queue.sessions();
+        Ok(Crew {
+            records: records
+                .map(|(name, record)| (name.to_owned(), record.clone()))
+                .collect(),
+            sessions: sessions
+                .map(|(worker, name)| Session {
+                    worker,
+                    name: name.to_owned(),
+                    held: queue.held(worker),
+                })
+                .collect(),
+        })
+    }
+
+    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+        let ledger = Arc::clone(&self.ledger);
+        let digests = digests.to_vec();
+        let places = task::spawn_blocking(move || {
+            let places = digests.iter().map(|digest| ledger.blob(digest));
+            places.collect::<Result<Vec<_>, _>>()
+        });
+        match places.await {
+            Ok(places) => Ok(places?),
+            Err(_) => Err(BoardError::Interrupted),
+        }
+    }
+
+    async fn contents(&self) -> Result<Changes, BoardError> {
+        Ok(self.ledger.contents()?)
+    }
+
+    async fn look(&self) -> Result<(), BoardError> {
+        let overview = overview(&self.lock());
+        self.surroundings.tell(overview);
+        Ok(())
+    }
+
+    async fn settled(&self) -> Result<(), BoardError> {
+        let nothing = self.committer.submit(Transition::default());
+        Ok(nothing.durable().await?)
+    }
+
+    fn failure(&self) -> watch::Receiver<Option<String>> {
+        self.committer.failure()
+    }
+
+    fn close(&self) {
+        self.committer.close();
+    }
+}

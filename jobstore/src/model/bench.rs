@@ -1,0 +1,525 @@
+//! Every operation, done to the board and to the model; their answers are equal.
+
+use super::{
+    MATERIALS, POLICY, Place, WORKERS, id,
+    job::{ModelJob, ModelLease, ModelWorker},
+    name,
+    operation::Operation,
+};
+use crate::{Board, BoardError, Delivery, JobsOrder, Leased, Overview, Renewal};
+use jobqueue::{
+    BarCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, token::Token,
+};
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, Mutex},
+    time::Duration,
+};
+
+pub(super) struct Bench {
+    pub board: Option<Arc<dyn Board>>,
+    pub place: Box<dyn Place>,
+    pub overview: Arc<Mutex<Overview>>,
+    pub jobs: Vec<ModelJob>,
+    pub workers: Vec<ModelWorker>,
+    pub mode: Mode,
+    pub tokens: Vec<(Token, u32)>,
+    pub now: Duration,
+}
+
+fn materials(changes: &Changes) -> BTreeSet<u32> {
+    changes.jobs.iter().map(|change| change.material).collect()
+}
+
+/// The answer of an operation that only a refusal can end.
+fn refused<T>(answer: Result<T, BoardError>) -> Result<T, Refusal> {
+    match answer {
+        Ok(answer) => Ok(answer),
+        Err(BoardError::Refused(refusal)) => Err(refusal),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn chosen(materials: &[u32]) -> Option<Selection> {
+    let ranges = materials.iter().map(|material| (*material, *material));
+    (!materials.is_empty()).then(|| Selection::new(ranges.collect(), Vec::new()))
+}
+
+impl Bench {
+    pub async fn new(mut place: Box<dyn Place>) -> Self {
+        let overview = Arc::default();
+        place.set_time(Duration::ZERO).await;
+        let board = place.open(Arc::clone(&overview)).await;
+        Self {
+            board: Some(board),
+            place,
+            overview,
+            jobs: vec![ModelJob::default(); MATERIALS as usize],
+            workers: vec![ModelWorker::default(); WORKERS as usize],
+            mode: Mode::Running,
+            tokens: Vec::new(),
+            now: Duration::ZERO,
+        }
+    }
+
+    pub fn board(&self) -> &dyn Board {
+        self.board.as_deref().unwrap()
+    }
+
+    fn token(&self, back: usize) -> Option<(Token, u32)> {
+        let index = self.tokens.len().checked_sub(back + 1)?;
+        Some(self.tokens[index])
+    }
+
+    fn job(&mut self, material: u32) -> &mut ModelJob {
+        &mut self.jobs[material as usize]
+    }
+
+    fn current(&self, material: u32, token: Token) -> bool {
+        let lease = self.jobs.get(material as usize).map(|job| &job.lease);
+        matches!(lease, Some(Some(lease)) if lease.token == token)
+    }
+
+    fn those(&self, wanted: impl Fn(&ModelJob) -> bool) -> BTreeSet<u32> {
+        let jobs = (0..).zip(&self.jobs);
+        jobs.filter(|(_, job)| wanted(job))
+            .map(|(material, _)| material)
+            .collect()
+    }
+
+    pub fn able(&self) -> Vec<u8> {
+        let able = |worker: &u8| {
+            let worker = &self.workers[*worker as usize];
+            worker.present && worker.bar.is_none()
+        };
+        (0..WORKERS).filter(able).collect()
+    }
+
+    pub fn may_judge(&self, worker: u8, job: &ModelJob) -> bool {
+        job.wants_opinion()
+            && job.opinions.iter().all(|(_, by)| *by != worker)
+            && !job.failed_on.contains(&worker)
+    }
+
+    pub async fn apply(&mut self, operation: Operation) {
+        match operation {
+            Operation::Admit { worker } => {
+                let (id, name) = (id(worker), name(worker));
+                self.board().admit(id, &name).await.unwrap();
+                assert_eq!(self.board().name(id).await.unwrap(), Some(name));
+                self.workers[worker as usize].present = true;
+            }
+            Operation::Dismiss { worker } => {
+                self.board().dismiss(&[id(worker)]).await.unwrap();
+                if self.held(worker).is_empty() {
+                    self.workers[worker as usize].present = false;
+                    assert_eq!(self.board().name(id(worker)).await.unwrap(), None);
+                }
+            }
+            Operation::Claim { worker, jobs_max } => self.claim(worker, jobs_max).await,
+            Operation::Renew { back, views_done } => self.renew(back, views_done).await,
+            Operation::Complete {
+                back,
+                images,
+                check,
+            } => {
+                if let Some((token, material)) = self.token(back) {
+                    self.complete(token, material, images, check).await;
+                }
+            }
+            Operation::CompleteOther { back, material } => {
+                if let Some((token, _)) = self.token(back) {
+                    self.complete(token, material, 0, false).await;
+                }
+            }
+            Operation::Fail { back } => self.fail(back).await,
+            Operation::Release { worker } => {
+                let expected = self.held(worker);
+                let changes = self.board().release(id(worker)).await.unwrap();
+                self.handed_back(&changes, expected);
+                self.workers[worker as usize].present = false;
+            }
+            Operation::ReleaseAll => {
+                let expected = self.those(|job| job.lease.is_some());
+                let changes = self.board().release_all().await.unwrap();
+                self.handed_back(&changes, expected);
+            }
+            Operation::Wait { seconds } => self.wait(Duration::from_secs(seconds)).await,
+            Operation::Restart => self.restart().await,
+            Operation::RetrySetAside => {
+                let expected = self.those(|job| job.set_aside);
+                let selection = Selection::new(Vec::new(), vec![Stage::SetAside]);
+                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                self.retried(&changes.unwrap(), expected);
+            }
+            Operation::Retry { materials } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
+                let mut expected = self.those(|job| job.set_aside || job.cancelled);
+                expected.retain(|material| materials.contains(material));
+                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                self.retried(&changes.unwrap(), expected);
+            }
+            Operation::Cancel { materials } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
+                let mut expected = self.those(|job| job.opinions.is_empty() && !job.cancelled);
+                expected.retain(|material| materials.contains(material));
+                let changes = self.board().order(JobsOrder::Cancel, &selection).await;
+                assert_eq!(self::materials(&changes.unwrap()), expected);
+                for material in expected {
+                    let job = self.job(material);
+                    job.lease = None;
+                    job.set_aside = false;
+                    job.cancelled = true;
+                }
+            }
+            Operation::Prioritize {
+                materials,
+                priority,
+            } => {
+                let Some(selection) = chosen(&materials) else {
+                    return;
+                };
+                let mut expected = self.those(|job| job.is_pending() && job.priority != priority);
+                expected.retain(|material| materials.contains(material));
+                let order = JobsOrder::Prioritize(priority);
+                let changes = self.board().order(order, &selection).await;
+                assert_eq!(self::materials(&changes.unwrap()), expected);
+                for material in expected {
+                    self.job(material).priority = priority;
+                }
+            }
+            Operation::SetMode { mode } => {
+                let changes = self.board().set_mode(mode).await.unwrap();
+                assert_eq!(changes.mode.is_some(), mode != self.mode);
+                self.mode = mode;
+            }
+            Operation::Bar { worker } => {
+                let reason = "dust".to_owned();
+                let cause = BarCause::Operator;
+                let changes = self.board().bar(&name(worker), cause, reason).await;
+                assert_eq!(materials(&changes.unwrap()), self.bar(worker, cause));
+            }
+            Operation::Unbar { worker } => {
+                let change = self.board().unbar(&name(worker)).await.unwrap();
+                let model = &mut self.workers[worker as usize];
+                assert_eq!(change.is_some(), model.bar.is_some());
+                if model.bar.take().is_some() {
+                    model.failed_in_a_row.clear();
+                }
+            }
+        }
+    }
+
+    pub fn held(&self, worker: u8) -> BTreeSet<u32> {
+        self.those(|job| {
+            job.lease
+                .as_ref()
+                .is_some_and(|lease| lease.worker == worker)
+        })
+    }
+
+    fn handed_back(&mut self, changes: &Changes, expected: BTreeSet<u32>) {
+        assert_eq!(materials(changes), expected);
+        for material in expected {
+            self.job(material).lease = None;
+        }
+    }
+
+    fn retried(&mut self, changes: &Changes, expected: BTreeSet<u32>) {
+        assert_eq!(materials(changes), expected);
+        for material in expected {
+            *self.job(material) = ModelJob {
+                priority: self.job(material).priority,
+                ..ModelJob::default()
+            };
+        }
+    }
+
+    async fn claim(&mut self, worker: u8, jobs_max: u32) {
+        let room = POLICY.leases_per_worker_max as usize - self.held(worker).len();
+        let idle = self.is_finished() || self.mode == Mode::Draining;
+        let mut expected = Vec::new();
+        if self.able().contains(&worker) && self.mode == Mode::Running && !idle {
+            let judge = |job: &&ModelJob| self.may_judge(worker, job);
+            let disputed = |job: &ModelJob| judge(&job) && job.is_disputed();
+            let checks = |job: &ModelJob| judge(&job) && !job.is_disputed();
+            expected.extend(self.those(disputed));
+            expected.extend(self.those(checks));
+            let mut fresh: Vec<u32> = self.those(ModelJob::is_pending).into_iter().collect();
+            fresh.sort_by_key(|material| -self.jobs[*material as usize].priority);
+            let failed = |material: &u32| self.jobs[*material as usize].failed_on.contains(&worker);
+            expected.extend(fresh.iter().filter(|material| !failed(material)));
+            let others_failed = |material: &u32| {
+                let job = &self.jobs[*material as usize];
+                self.able()
+                    .iter()
+                    .all(|other| job.failed_on.contains(other))
+            };
+            let again = fresh.iter().filter(|m| failed(m) && others_failed(m));
+            expected.extend(again);
+            expected.truncate(room.min(jobs_max as usize));
+        }
+        let next = self.tokens.len() as u128;
+        let tokens: Vec<Token> = (0..u128::from(jobs_max))
+            .map(|number| Token::from_bytes((next + number).to_be_bytes()))
+            .collect();
+        let leased = self.board().claim(id(worker), &tokens).await.unwrap();
+        let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
+        let barred = self.workers[worker as usize].bar.is_some();
+        let known = self.workers[worker as usize].present && !idle;
+        assert_eq!(leased.barred.is_some(), barred && known);
+        assert_eq!(
+            leased,
+            Leased {
+                jobs: expected.clone(),
+                finished: self.is_finished(),
+                draining: self.mode == Mode::Draining,
+                barred: leased.barred.clone(),
+            }
+        );
+        for (token, material) in expected {
+            self.tokens.push((token, material));
+            let now = self.now;
+            self.job(material).lease = Some(ModelLease {
+                token,
+                worker,
+                claimed: now,
+                expires: now + POLICY.lease,
+                views_done: 0,
+                progressed: now,
+            });
+        }
+    }
+
+    async fn renew(&mut self, back: usize, views_done: u32) {
+        let Some((token, material)) = self.token(back) else {
+            return;
+        };
+        let now = self.now;
+        let renewal = Renewal {
+            token,
+            material,
+            views_done,
+        };
+        let renewed = self.board().renew(&[renewal]).await.unwrap() == [true];
+        if !self.current(material, token) {
+            assert!(!renewed);
+            return;
+        }
+        let Some(lease) = &mut self.job(material).lease else {
+            unreachable!("current");
+        };
+        if views_done > lease.views_done {
+            lease.views_done = views_done;
+            lease.progressed = now;
+        }
+        let ends = (lease.progressed + POLICY.stall).min(lease.claimed + POLICY.deadline);
+        lease.expires = ends.min(now + POLICY.lease);
+        assert_eq!(renewed, now < ends);
+    }
+
+    async fn complete(&mut self, token: Token, material: u32, images: u8, check: bool) {
+        // `images` tells different renderings apart.
+        let completion = Completion::sample(material, &[material as u8, images]);
+        let fingerprint = completion.fingerprint();
+        let delivery = Delivery {
+            token,
+            completion,
+            check,
+        };
+        let answer = refused(self.board().complete(delivery).await);
+        let answer = answer.map(|judged| (judged.verdict, judged.changes));
+        let current = self.current(material, token);
+        let Some(job) = self.jobs.get_mut(material as usize) else {
+            assert_eq!(answer, Err(Refusal::UnknownMaterial(material)));
+            return;
+        };
+        if !current {
+            let known = job.opinions.iter().any(|(known, _)| *known == fingerprint);
+            let expected = match (job.opinions.is_empty(), known) {
+                (true, _) => Err(Refusal::LeaseLost(material)),
+                (false, true) => Ok((Verdict::Repeated, Changes::default())),
+                (false, false) => Err(Refusal::Conflict(material)),
+            };
+            assert_eq!(answer, expected);
+            return;
+        }
+        let worker = job.lease.take().unwrap().worker;
+        let mut opinions = job.opinions.clone();
+        opinions.push((fingerprint, worker));
+        let mut touched = BTreeSet::from([material]);
+        let expected = match opinions[..] {
+            [_] => {
+                job.check_wanted = check;
+                job.opinions = opinions;
+                Verdict::Recorded
+            }
+            [(first, _), (second, _)] => {
+                job.opinions = opinions;
+                if first == second {
+                    Verdict::Agreed
+                } else {
+                    Verdict::Disputed
+                }
+            }
+            [(first, a), (second, b), (third, c)] if third == first || third == second => {
+                let (honest, liar, verdict) = if third == first {
+                    (a, b, Verdict::Upheld(name(b)))
+                } else {
+                    (c, a, Verdict::Overturned(name(a)))
+                };
+                job.opinions = vec![(third, honest), (third, WORKERS)];
+                touched.extend(self.bar(liar, BarCause::Disagreement));
+                verdict
+            }
+            _ => {
+                job.opinions.clear();
+                job.set_aside = true;
+                job.failed_on.push(worker);
+                Verdict::Undecided
+            }
+        };
+        self.workers[worker as usize].failed_in_a_row.clear();
+        let (verdict, changes) = answer.unwrap();
+        assert_eq!(verdict, expected);
+        assert_eq!(materials(&changes), touched);
+        for material in changes.retracted {
+            assert!(!self.jobs[material as usize].is_completed());
+        }
+    }
+
+    /// Bars a worker in the model; returns which jobs that changes.
+    fn bar(&mut self, worker: u8, cause: BarCause) -> BTreeSet<u32> {
+        let ends = (cause == BarCause::Failures).then_some(self.now + POLICY.bar);
+        self.workers[worker as usize].bar = Some((cause, ends));
+        let mut touched = BTreeSet::new();
+        for (material, job) in (0..).zip(&mut self.jobs) {
+            if job
+                .lease
+                .as_ref()
+                .is_some_and(|lease| lease.worker == worker)
+            {
+                job.lease = None;
+                touched.insert(material);
+            }
+            if cause != BarCause::Disagreement {
+                continue;
+            }
+            let agreed = job.opinions.len() == 2 && !job.is_disputed();
+            let delivered = job.opinions.first().is_some_and(|(_, by)| *by == worker);
+            if delivered && !agreed {
+                job.opinions.clear();
+                job.lease = None;
+                touched.insert(material);
+            } else if job.is_disputed() && job.opinions[1].1 == worker {
+                job.opinions.pop();
+                job.check_wanted = true;
+                job.lease = None;
+                touched.insert(material);
+            }
+        }
+        touched
+    }
+
+    fn back_to_the_queue(&mut self, material: u32) {
+        let job = self.job(material);
+        job.lease = None;
+        if job.hopeless() {
+            if job.is_disputed() || job.opinions.is_empty() {
+                job.opinions.clear();
+                job.set_aside = true;
+            } else {
+                job.check_wanted = false;
+            }
+        }
+    }
+
+    async fn fail(&mut self, back: usize) {
+        let Some((token, material)) = self.token(back) else {
+            return;
+        };
+        let answer = refused(self.board().fail(material, token, "no light").await);
+        if !self.current(material, token) {
+            assert_eq!(answer, Err(Refusal::LeaseLost(material)));
+            return;
+        }
+        let Some(lease) = self.job(material).lease.clone() else {
+            unreachable!("current");
+        };
+        self.job(material).failed_on.push(lease.worker);
+        self.back_to_the_queue(material);
+        let mut touched = BTreeSet::from([material]);
+        let worker = &mut self.workers[lease.worker as usize];
+        worker.failures += 1;
+        worker.failed_in_a_row.retain(|failed| *failed != material);
+        worker.failed_in_a_row.push(material);
+        let too_many = worker.failed_in_a_row.len() as u32 >= POLICY.jobs_failed_max;
+        if too_many && worker.bar.is_none() {
+            touched.extend(self.bar(lease.worker, BarCause::Failures));
+        }
+        let failed = answer.unwrap();
+        assert_eq!(failed.worker, name(lease.worker));
+        assert_eq!(materials(&failed.changes), touched);
+    }
+
+    async fn wait(&mut self, time: Duration) {
+        self.now += time;
+        self.place.set_time(self.now).await;
+        let now = self.now;
+        let over = |job: &ModelJob| job.lease.as_ref().is_some_and(|lease| lease.expires <= now);
+        let expected = self.those(over);
+        let expired = self.board().expire().await.unwrap();
+        let lost = expired.lost.iter().map(|lease| lease.material);
+        assert_eq!(lost.collect::<BTreeSet<u32>>(), expected);
+        assert_eq!(materials(&expired.changes), expected);
+        for material in expected {
+            let job = self.job(material);
+            job.leases_lost += 1;
+            let Some(lease) = job.lease.clone() else {
+                unreachable!("over");
+            };
+            self.workers[lease.worker as usize].leases_lost += 1;
+            self.back_to_the_queue(material);
+        }
+        for worker in &mut self.workers {
+            if matches!(worker.bar, Some((_, Some(ends))) if ends <= now) {
+                worker.bar = None;
+                worker.failed_in_a_row.clear();
+            }
+        }
+        if self.place.knows_next_expiry() {
+            let leases = self.jobs.iter();
+            let leases = leases.filter_map(|job| Some(job.lease.as_ref()?.expires));
+            let bars = self.workers.iter().filter_map(|worker| worker.bar?.1);
+            let next = leases.chain(bars).min();
+            assert_eq!(expired.next, next.map(|next| next - now));
+        }
+    }
+
+    /// The process dies; another one continues from what was made durable.
+    async fn restart(&mut self) {
+        self.board().close();
+        // A ledger is open once at a time.
+        self.board = None;
+        self.board = Some(self.place.open(Arc::clone(&self.overview)).await);
+        let now = self.now;
+        for job in &mut self.jobs {
+            if let Some(lease) = &mut job.lease {
+                lease.claimed = now;
+                lease.expires = now + POLICY.lease;
+                lease.views_done = 0;
+                lease.progressed = now;
+            }
+        }
+        for worker in &mut self.workers {
+            worker.present = false;
+            if let Some((_, Some(ends))) = &mut worker.bar {
+                *ends = now + POLICY.bar;
+            }
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! What the model knows of a job and of a worker, told in the plainest way: no indices, every
+//! question answered by a search.
+
+use super::{POLICY, id, name};
+use dataset::Digest;
+use jobqueue::{BarCause, Check, Dispute, Holder, JobState, token::Token};
+use std::{collections::BTreeSet, time::Duration};
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ModelJob {
+    pub lease: Option<ModelLease>,
+    // Who says what the job's images are, first, second and third.
+    pub opinions: Vec<(Digest, u8)>,
+    pub check_wanted: bool,
+    pub set_aside: bool,
+    pub cancelled: bool,
+    pub priority: i32,
+    pub failed_on: Vec<u8>,
+    pub leases_lost: u32,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct ModelLease {
+    pub token: Token,
+    pub worker: u8,
+    pub claimed: Duration,
+    pub expires: Duration,
+    pub views_done: u32,
+    pub progressed: Duration,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct ModelWorker {
+    pub present: bool,
+    pub failed_in_a_row: Vec<u32>,
+    pub failures: u64,
+    pub leases_lost: u64,
+    // When it ends, where it ends.
+    pub bar: Option<(BarCause, Option<Duration>)>,
+}
+
+impl ModelJob {
+    pub fn is_pending(&self) -> bool {
+        self.lease.is_none() && self.opinions.is_empty() && !self.set_aside && !self.cancelled
+    }
+
+    pub fn is_disputed(&self) -> bool {
+        self.opinions.len() == 2 && self.opinions[0].0 != self.opinions[1].0
+    }
+
+    pub fn is_completed(&self) -> bool {
+        !self.opinions.is_empty() && !self.is_disputed()
+    }
+
+    pub fn wants_opinion(&self) -> bool {
+        self.lease.is_none()
+            && (self.is_disputed() || self.opinions.len() == 1 && self.check_wanted)
+    }
+
+    pub fn hopeless(&self) -> bool {
+        let workers: BTreeSet<u8> = self.failed_on.iter().copied().collect();
+        workers.len() as u32 >= POLICY.workers_failed_max
+            || self.failed_on.len() as u32 >= POLICY.failures_max
+            || self.leases_lost >= POLICY.leases_lost_max
+    }
+}
+
+/// The record that a job of the model has.
+pub(super) fn state(model: &ModelJob) -> JobState {
+    let holder = model.lease.as_ref().map(|lease| Holder {
+        token: lease.token,
+        worker: id(lease.worker),
+        name: name(lease.worker),
+    });
+    match (&model.opinions[..], holder) {
+        ([], _) if model.set_aside => JobState::SetAside,
+        ([], _) if model.cancelled => JobState::Cancelled,
+        ([], None) => JobState::Pending,
+        ([], Some(holder)) => JobState::Leased(holder),
+        ([(fingerprint, by), rest @ ..], holder) => JobState::Completed {
+            fingerprint: *fingerprint,
+            worker: name(*by),
+            check: match (rest, holder) {
+                ([], Some(holder)) => Check::Leased(holder),
+                ([], None) if model.check_wanted => Check::Due,
+                ([], None) => Check::None,
+                ([(other, by), ..], holder) if other != fingerprint => Check::Disputed(Dispute {
+                    fingerprint: *other,
+                    worker: name(*by),
+                    holder,
+                }),
+                _ => Check::Agreed,
+            },
+        },
+    }
+}

@@ -1,0 +1,79 @@
+//! The suite of every board: random operations, and after each the answers, the states and the
+//! durable records that a simple model has. A restarted board goes on where the one before ended.
+
+mod bench;
+mod checks;
+mod job;
+#[cfg(test)]
+mod local;
+mod operation;
+
+pub use operation::{Operation, operation};
+
+use super::{Board, Overview};
+use bench::Bench;
+use jobqueue::{Policy, token::WorkerId};
+use proptest::prelude::ProptestConfig;
+use std::{
+    sync::{Arc, Mutex},
+    time::Duration,
+};
+use tokio::runtime;
+
+/// Jobs of a store under test.
+pub const MATERIALS: u32 = 12;
+const WORKERS: u8 = 5;
+/// Limits small enough to be met by a few operations.
+pub const POLICY: Policy = Policy {
+    lease: Duration::from_secs(10),
+    stall: Duration::from_secs(25),
+    deadline: Duration::from_secs(60),
+    workers_failed_max: 3,
+    failures_max: 5,
+    leases_lost_max: 4,
+    leases_per_worker_max: 5,
+    jobs_failed_max: 3,
+    bar: Duration::from_secs(40),
+};
+/// Where boards are opened, each over what the one before kept.
+#[async_trait::async_trait]
+pub trait Place: Send {
+    /// Opens a board; the one before is gone.
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
+
+    /// Tells the board the time.
+    async fn set_time(&mut self, now: Duration);
+
+    /// Whether an operation is told when to look for leases that ran out again.
+    fn knows_next_expiry(&self) -> bool;
+}
+
+fn id(number: u8) -> WorkerId {
+    WorkerId::from_bytes([number; 16])
+}
+
+fn name(number: u8) -> String {
+    format!("w{number}")
+}
+
+/// Does operations on a new board, and checks it after each.
+pub fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
+    let runtime = runtime::Builder::new_current_thread().enable_all().build();
+    runtime.unwrap().block_on(async {
+        let mut bench = Bench::new(place).await;
+        for operation in operations {
+            bench.apply(operation).await;
+            bench.check().await;
+        }
+        bench.board().close();
+    });
+}
+
+/// Settings of a test of `cases` runs.
+pub fn runs(cases: u32) -> ProptestConfig {
+    ProptestConfig {
+        cases,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}

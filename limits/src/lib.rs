@@ -1,0 +1,141 @@
+//! Every limit of the farm, with its unit: the coordinator's here, what both sides of the protocol keep
+//! in [`protocol`], a worker's in [`worker`].
+
+pub mod protocol;
+pub mod worker;
+
+use std::time::Duration;
+
+/// How long a lease lives without renewal.
+pub const LEASE: Duration = Duration::from_secs(60);
+
+/// How long a lease is prolonged while its progress stands still: the longest that one view may
+/// take.
+pub const STALL: Duration = Duration::from_secs(3600);
+
+/// How long a lease is prolonged at all: the longest that one material may take.
+pub const JOB_DEADLINE: Duration = Duration::from_secs(6 * 3600);
+
+/// Different workers on which one material fails before it is set aside.
+pub const WORKERS_FAILED_MAX: u32 = 3;
+
+/// Failures after which a material is set aside in a farm that has fewer workers than that.
+pub const FAILURES_MAX: u32 = 6;
+
+/// Different materials that a worker fails in a row before it is barred.
+pub const JOBS_FAILED_MAX: u32 = 3;
+
+/// Failures in a row that are kept of a worker. A policy that allows more bars nobody.
+pub const WORKER_FAILURES_KEPT_MAX: usize = 64;
+
+/// How long a worker is barred over failures.
+pub const BAR: Duration = Duration::from_secs(600);
+
+/// Of a million completed materials, how many are rendered a second time by another worker.
+pub const CHECKS_PER_MILLION: u32 = 10_000;
+
+/// Leases of one material that may run out before it is set aside: a material that takes its
+/// worker down every time is not handed out for ever.
+pub const LEASES_LOST_MAX: u32 = 10;
+
+/// Workers registered at one time.
+pub const WORKERS_MAX: usize = 10_000;
+
+/// Names of workers whose failures are remembered; bars always are.
+pub const WORKER_RECORDS_MAX: usize = 100_000;
+
+/// How long a worker counts as present after its last call, and is remembered when it holds
+/// nothing. More than the longest wait for a lease.
+pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
+
+/// Connections at one time whose peers have spoken.
+pub const CONNECTIONS_MAX: usize = 4096;
+
+/// Connections that the system keeps until they are accepted.
+pub const ACCEPT_QUEUE_MAX: u32 = 4096;
+
+/// Connections at one time whose peers have not spoken yet; of more the longest silent half are
+/// closed.
+pub const SILENT_CONNECTIONS_MAX: usize = 1024;
+
+/// How long a peer may keep silent after connecting, and how long a TLS handshake may take.
+pub const SILENCE_MAX: Duration = Duration::from_secs(10);
+
+/// How long one message may take to arrive: 8 MiB over 3 Mbit/s fit.
+pub const MESSAGE_DEADLINE: Duration = Duration::from_secs(25);
+
+/// The headers of one call, bytes.
+pub const HEADER_BYTES_MAX: u32 = 16 << 10;
+
+/// Bytes of messages under way, of all calls together.
+pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
+
+/// Bytes of images accepted and not yet completed.
+pub const STAGED_BYTES_MAX: u64 = 2 << 30;
+
+/// How long an accepted image waits for its completion before it is dropped.
+pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
+
+/// For how many lifetimes of a lease a URL for an upload is good; asked for again, there is another.
+pub const UPLOAD_URL_LEASES: u32 = 15;
+
+/// Images that are checked and written at one time, however many cores there are; with the largest
+/// image this bounds memory.
+pub const UPLOADS_AT_ONCE_MAX: usize = 16;
+
+/// The largest specification file, bytes.
+pub const SPECIFICATION_BYTES_MAX: u64 = 4 << 20;
+
+/// The longest line of the completion log, bytes.
+pub const LOG_LINE_BYTES_MAX: u64 = 4 << 20;
+
+/// sled's page cache, bytes.
+pub const LEDGER_CACHE_BYTES: u64 = 64 << 20;
+
+/// Transitions that one group commit makes durable together.
+pub const COMMIT_BATCH_MAX: usize = 1024;
+
+/// The least time from one group commit to the next: with a thousand workers a quarter of the
+/// coordinator's processor time less than without, and a lease takes no longer at worst.
+pub const COMMIT_INTERVAL: Duration = Duration::from_millis(20);
+
+/// How long a store's lock is asked for before somebody else is said to have it.
+pub const STORE_LOCK_WAIT: Duration = Duration::from_secs(1);
+
+/// How long a restart waits for the ledger of a process that is just ending.
+pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
+
+/// The longest pause between two looks for leases that ran out.
+pub const SWEEP_INTERVAL_MAX: Duration = Duration::from_secs(1);
+
+/// How long a coordinator whose set is complete waits for workers to take leave: a worker that
+/// died never does.
+pub const LEAVE_GRACE: Duration = Duration::from_secs(5);
+
+/// How long a stopping coordinator waits for calls under way.
+pub const STOP_GRACE: Duration = Duration::from_secs(5);
+
+/// Bytes that surround the pixels of an image: header, attributes, chunk table.
+pub const IMAGE_OVERHEAD_BYTES_MAX: u64 = 64 << 10;
+
+/// Connections of one coordinator to its database.
+pub const DATABASE_CONNECTIONS_MAX: usize = 12;
+
+/// How long a call waits for a connection to the database.
+pub const DATABASE_CONNECT_WAIT: Duration = Duration::from_secs(5);
+
+/// How long a database may leave what was sent to it unanswered by its machine.
+pub const DATABASE_SILENCE_MAX: Duration = Duration::from_secs(20);
+
+/// Attempts at a transaction that others stand in the way of.
+pub const DATABASE_ATTEMPTS_MAX: u32 = 5;
+
+/// Completions that one transaction makes durable together.
+pub const DATABASE_BATCH_MAX: usize = 256;
+
+/// Jobs that one transaction of an operator's order, or of a sweep, changes.
+pub const DATABASE_PAGE_MAX: i64 = 10_000;
+
+/// How long nobody may look for leases that ran out before all get their full time again; less
+/// where leases are short.
+pub const SWEEP_GAP_MAX: Duration = Duration::from_secs(15);
