@@ -97,7 +97,8 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
         )
 }
 
-/// What is wrong with a store. Errors that speak for it are transparent: it is none of their causes.
+/// What is wrong with a store. Errors that speak for it are transparent: it is none of their
+/// causes.
 fn store_error<'a>(cause: &'a (dyn Error + 'static)) -> Option<&'a StoreError> {
     let of_import = || match cause.downcast_ref()? {
         ImportError::Store(error) => Some(error),

@@ -4,9 +4,9 @@
 //!
 //! A worker does nothing but lease, upload and complete, one job after another; small images come
 //! with the completion, as from real workers. Without a pause the
-//! coordinator never waits for work: what is measured is its capacity, and latencies are those under
-//! the heaviest load that so many workers can make. With a pause for each job, as long as rendering
-//! it would take, latencies are those of a farm at work.
+//! coordinator never waits for work: what is measured is its capacity, and latencies are those
+//! under the heaviest load that so many workers can make. With a pause for each job, as long as
+//! rendering it would take, latencies are those of a farm at work.
 //!
 //! `tests/throughput.sh` runs the measurements in release, where they have their marks to meet.
 

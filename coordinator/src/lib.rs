@@ -11,15 +11,15 @@
 //! Never imports the renderer: a coordinator needs neither Embree nor a fast machine.
 
 mod farm;
-mod hands;
 mod metrics;
 mod options;
+mod presence;
 mod rate;
 mod report;
-mod roster;
 mod running;
 pub mod security;
 mod service;
+mod upload_slots;
 
 pub use options::Options;
 pub use report::Progress;

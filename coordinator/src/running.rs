@@ -7,7 +7,7 @@ use crate::{
     report::Progress,
     security::{
         Security,
-        doorway::{self, Guest},
+        admission::{self, Connection},
         guard::Guard,
     },
     service::{ControlService, FarmService},
@@ -18,7 +18,7 @@ use dataset::{
 };
 use datastore::AnyStore;
 use imagestore::FileError;
-use jobstore::BoardError;
+use jobstore::JobStoreError;
 use std::{error::Error as _, fs::File, io, net::SocketAddr, sync::Arc};
 use thiserror::Error;
 use tokio::{
@@ -149,7 +149,7 @@ impl Coordinator {
             address: listen,
             source,
         };
-        let listener = doorway::listen(listen).map_err(unable)?;
+        let listener = admission::listen(listen).map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
         let metrics = Arc::<Metrics>::default();
         let server = server(&options.security, Arc::clone(&metrics))?;
@@ -161,7 +161,7 @@ impl Coordinator {
             ),
             None => None,
         };
-        let doorway = doorway::open(listener, options.security.tls.is_none());
+        let connections = admission::open(listener, options.security.tls.is_none());
         let scheme = match options.security.tls {
             Some(_) => "https",
             None => "http",
@@ -175,7 +175,12 @@ impl Coordinator {
         if let Some(listener) = metrics_listener {
             tasks.spawn(serve_metrics(Arc::clone(&farm), listener, stopping.clone()));
         }
-        tasks.spawn(serve(server, Arc::clone(&farm), doorway, stopping.clone()));
+        tasks.spawn(serve(
+            server,
+            Arc::clone(&farm),
+            connections,
+            stopping.clone(),
+        ));
         tasks.spawn(sweep(Arc::clone(&farm), stopping));
         tracing::info!(%address, "the coordinator listens");
         Ok(RunningCoordinator {
@@ -297,7 +302,7 @@ fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, C
 async fn serve(
     mut server: GuardedServer,
     farm: Arc<Farm>,
-    doorway: ReceiverStream<Result<Guest, io::Error>>,
+    connections: ReceiverStream<Result<Connection, io::Error>>,
     mut stopping: watch::Receiver<bool>,
 ) {
     let (health, health_service) = tonic_health::server::health_reporter();
@@ -325,7 +330,7 @@ async fn serve(
         .add_service(reflection)
         .add_service(proto::farm_server(for_workers))
         .add_service(proto::control_server(ControlService { farm }))
-        .serve_with_incoming_shutdown(doorway, stop)
+        .serve_with_incoming_shutdown(connections, stop)
         .await;
     if let Err(error) = served {
         tracing::error!(%error, "the coordinator serves no longer");
@@ -352,7 +357,7 @@ async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
         let pause = match farm.sweep().await {
             Ok(pause) => pause,
             // The store is closed: nothing can be recorded.
-            Err(BoardError::NotDurable(_)) => return,
+            Err(JobStoreError::NotDurable(_)) => return,
             Err(error) => {
                 tracing::warn!(%error, "leases that ran out cannot be looked for");
                 limits::SWEEP_INTERVAL_MAX

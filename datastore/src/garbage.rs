@@ -44,8 +44,8 @@ pub fn unnamed(store: &ReadOnlyStore) -> Result<Vec<Unnamed>, FileError> {
 /// Removes unnamed images that nobody is about to name, and returns them.
 ///
 /// A store in a folder that is open for writing has no coordinator. In a database what is unnamed
-/// is listed beside coordinators, which may take minutes, and then looked at again and removed while
-/// they wait.
+/// is listed beside coordinators, which may take minutes, and then looked at again and removed
+/// while they wait.
 pub fn remove_unnamed(store: &mut WritableStore) -> Result<Vec<Unnamed>, StoreError> {
     let mut found = unnamed(&store.read()?)?;
     found.retain(Unnamed::is_image);

@@ -68,7 +68,8 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
     loop {
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
             Ok(()) => return Ok(file),
-            // A process that was being started when the last holder closed it has it until it begins.
+            // A process that was being started when the last holder closed it has it until it
+            // begins.
             Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < limits::STORE_LOCK_WAIT => {
                 thread::sleep(LOCK_PAUSE);
             }
@@ -137,8 +138,8 @@ fn write_identity(
     Ok(write_durably(&path.join("store.json"), json.as_bytes())?)
 }
 
-/// Makes a folder half of a copy of another store, or goes on with one that is; what its images are,
-/// and its lock.
+/// Makes a folder half of a copy of another store, or goes on with one that is; what its images
+/// are, and its lock.
 pub fn begin_copy(
     path: &Path,
     specification: &Specification,

@@ -12,8 +12,8 @@ use crate::shared;
 use dataset::{CompletedView, Digest, Specification};
 use imagestore::{
     FileError,
-    acceptance::{Rejection, check_digest},
     blobs::Blobs,
+    validation::{Rejection, check_digest},
 };
 use jobqueue::Completion;
 use jobstore::completion_log::{Completions, Transcript};

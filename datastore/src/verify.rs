@@ -8,7 +8,7 @@ use crate::{ImageFault, ReadOnlyStore, garbage};
 use dataset::{CompletedView, Digest, ErrorStatistics, ImageHeader};
 use imagestore::{
     FileError,
-    acceptance::{Rejection, check_identity, decode, expected_headers},
+    validation::{Rejection, check_identity, decode, expected_headers},
 };
 use serde::Serialize;
 use std::{

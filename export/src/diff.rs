@@ -3,7 +3,7 @@
 use crate::manifest::read::{ReadError, read};
 use dataset::{CompletedView, manifest::Row};
 use datastore::{ReadOnlyStore, StoreError, StoreName};
-use imagestore::{FileError, acceptance::decode};
+use imagestore::{FileError, validation::decode};
 use serde::Serialize;
 use std::{
     collections::BTreeMap,
@@ -84,7 +84,8 @@ impl Difference {
     }
 }
 
-/// Compares two sets; each is a store, by its folder or its database's URL, or a manifest. Memory does not grow with them.
+/// Compares two sets; each is a store, by its folder or its database's URL, or a manifest. Memory
+/// does not grow with them.
 ///
 /// # Errors
 /// When either cannot be read, or a manifest is not in order.

@@ -33,7 +33,8 @@ pub fn unable(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Fi
 /// plain file, such as a device or a pipe, is written to directly: a rename would replace it.
 ///
 /// # Errors
-/// That of `write`, or that the file cannot be written. Whatever had its name before is still there.
+/// That of `write`, or that the file cannot be written. Whatever had its name before is still
+/// there.
 pub fn write_whole<T, E: From<FileError>>(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<T, E>,

@@ -6,7 +6,7 @@ use crate::{
 };
 use dataset::{CompletedView, Digest, RENDERER_VERSION, Split};
 use datastore::ReadOnlyStore;
-use imagestore::acceptance::decode;
+use imagestore::validation::decode;
 use serde::Serialize;
 
 /// Below it in every channel a pixel is dark, in units of white.

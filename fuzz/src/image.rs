@@ -2,7 +2,7 @@
 
 use crate::seeds::film;
 use dataset::{ImageHeader, Specification, specification::Pixel};
-use imagestore::acceptance::{check_identity, decode, expected_headers, inspect};
+use imagestore::validation::{check_identity, decode, expected_headers, inspect};
 
 /// Reads an image as uploads, imports and `verify` do.
 pub fn image(bytes: &[u8]) -> bool {

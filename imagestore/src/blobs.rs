@@ -104,7 +104,8 @@ impl Blobs {
     }
 
     /// Makes the folders and drops what a process before this one staged. Only for the process
-    /// that holds the store's lock. What was uploaded into a bucket stays for its lease to complete.
+    /// that holds the store's lock. What was uploaded into a bucket stays for its lease to
+    /// complete.
     pub fn prepare(&self) -> Result<(), FileError> {
         match &self.place {
             Place::Folder(folder) => folder.prepare(),

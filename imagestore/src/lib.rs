@@ -5,13 +5,13 @@
 //! | [`blobs`] | images under the names of their digests, in files or in a bucket |
 //! | [`bucket`] | objects of S3, Google Cloud Storage or Azure |
 //! | [`staging`] | which uploaded images wait for their completion |
-//! | [`acceptance`] | what counts as an image of the dataset |
+//! | [`validation`] | what counts as an image of the dataset |
 
-pub mod acceptance;
 pub mod blobs;
 pub mod bucket;
 mod file_error;
 pub mod staging;
+pub mod validation;
 
 pub use bucket::{Bucket, BucketUrl};
 pub use file_error::FileError;

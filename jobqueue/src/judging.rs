@@ -121,7 +121,7 @@ impl Queue {
             unreachable!("current, so there is a holder");
         };
         let mut changes = Changes::default();
-        changes.workers.extend(self.crew.note_success(&name));
+        changes.workers.extend(self.workers.note_success(&name));
         let (verdict, judged) = match state {
             JobState::Completed {
                 fingerprint: first,

@@ -43,10 +43,10 @@ impl Queue {
     /// back to a worker that failed it only when nobody else is there to try.
     pub fn claim(&mut self, worker: WorkerId, tokens: &[Token], now: Duration) -> Changes {
         let mut changes = Changes::default();
-        let Some(name) = self.crew.name(worker).map(str::to_owned) else {
+        let Some(name) = self.workers.name(worker).map(str::to_owned) else {
             return changes;
         };
-        if self.mode != Mode::Running || self.crew.bar(&name).is_some() {
+        if self.mode != Mode::Running || self.workers.bar(&name).is_some() {
             return changes;
         }
         let room = self.policy.leases_per_worker_max;
@@ -107,7 +107,7 @@ impl Queue {
         let mut changes = self.requeue(material, now);
         let jobs_max = self.policy.jobs_failed_max;
         let noted = self
-            .crew
+            .workers
             .note_failure(&holder.name, material, error, jobs_max);
         let (worker, too_many) = noted;
         changes.workers.push(worker);
@@ -145,17 +145,17 @@ impl Queue {
             changes.extend(self.requeue(material, now));
             changes
                 .workers
-                .push(self.crew.note_lost_lease(&holder.name));
+                .push(self.workers.note_lost_lease(&holder.name));
             lost.push(LostLease { material, holder });
         }
-        changes.workers.extend(self.crew.lift_ended_bars(now));
+        changes.workers.extend(self.workers.lift_ended_bars(now));
         (changes, lost)
     }
 
     /// When the next lease runs out or the next bar ends, if any does.
     pub fn next_expiry(&self) -> Option<Duration> {
         let lease = self.expiries.first().map(|(expires, _)| *expires);
-        lease.into_iter().chain(self.crew.next_bar_end()).min()
+        lease.into_iter().chain(self.workers.next_bar_end()).min()
     }
 
     /// What a worker of this name may be given, the most urgent first.
@@ -169,7 +169,7 @@ impl Queue {
             let again = self.pending.iter().map(|(_, material)| *material);
             let again = again.filter(|material| {
                 let job = &self.jobs[*material];
-                job.failed_on(name) && self.crew.able().all(|other| job.failed_on(other))
+                job.failed_on(name) && self.workers.able().all(|other| job.failed_on(other))
             });
             materials.extend(again.take(count - materials.len()));
         }

@@ -20,7 +20,6 @@
 //! any time at most one token can complete a job, and a token once taken never can again.
 
 mod completion;
-mod crew;
 mod judging;
 mod leasing;
 mod operating;
@@ -29,6 +28,7 @@ mod record;
 mod records;
 mod selection;
 pub mod token;
+mod workers;
 
 pub use completion::Completion;
 pub use judging::{Refusal, Standing, Verdict};
@@ -41,13 +41,13 @@ pub use record::{
 pub use selection::{Selection, Stage};
 
 use crate::token::WorkerId;
-use crew::Crew;
 use records::Records;
 use std::{
     cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
     time::Duration,
 };
+use workers::Workers;
 
 /// How many jobs are in which state; the first six after `materials` add up to it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,7 +90,7 @@ pub struct Queue {
     expiries: BTreeSet<(Duration, u32)>,
     // Who holds what; no entry is empty.
     holdings: BTreeMap<WorkerId, BTreeSet<u32>>,
-    crew: Crew,
+    workers: Workers,
 }
 
 impl Queue {
@@ -112,7 +112,7 @@ impl Queue {
             leases: BTreeMap::new(),
             expiries: BTreeSet::new(),
             holdings: BTreeMap::new(),
-            crew: Crew::default(),
+            workers: Workers::default(),
         }
     }
 
@@ -142,7 +142,7 @@ impl Queue {
 
     /// Adds a worker's history to a queue of some, and when a bar over failures ends.
     pub fn add_worker(&mut self, worker: WorkerChange, bar_ends: Duration) {
-        self.crew.restore(worker, bar_ends);
+        self.workers.restore(worker, bar_ends);
     }
 
     /// The lease of a job, if it has one.
@@ -152,7 +152,7 @@ impl Queue {
 
     /// When the bar of a worker that failed too often ends.
     pub fn bar_end(&self, name: &str) -> Option<Duration> {
-        self.crew.bar_end(name)
+        self.workers.bar_end(name)
     }
 
     /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and bars get
@@ -164,19 +164,19 @@ impl Queue {
             }
         }
         for worker in kept.workers {
-            self.crew.restore(worker, now + self.policy.bar);
+            self.workers.restore(worker, now + self.policy.bar);
         }
         self.mode = kept.mode.unwrap_or(self.mode);
     }
 
     /// Notes that a worker is there, under this name; it can claim jobs from now on.
     pub fn admit(&mut self, worker: WorkerId, name: &str) {
-        self.crew.admit(worker, name);
+        self.workers.admit(worker, name);
     }
 
     /// Notes that a worker that holds nothing is gone.
     pub fn dismiss(&mut self, worker: WorkerId) {
-        self.crew.dismiss(worker);
+        self.workers.dismiss(worker);
     }
 
     /// How many jobs are in which state.
@@ -203,10 +203,11 @@ impl Queue {
         self.pending.is_empty()
             && self.leases.is_empty()
             && self.disputed.is_empty()
-            && !self
-                .checks_due
-                .iter()
-                .any(|material| self.crew.able().any(|name| self.may_judge(name, *material)))
+            && !self.checks_due.iter().any(|material| {
+                self.workers
+                    .able()
+                    .any(|name| self.may_judge(name, *material))
+            })
     }
 
     /// Whether work is handed out.
@@ -236,12 +237,12 @@ impl Queue {
 
     /// Why a worker of this name gets no work, if it is barred.
     pub fn bar_of(&self, name: &str) -> Option<&Bar> {
-        self.crew.bar(name)
+        self.workers.bar(name)
     }
 
     /// Workers with a history, by name.
     pub fn worker_records(&self) -> impl Iterator<Item = (&str, &WorkerRecord)> {
-        self.crew.records()
+        self.workers.records()
     }
 
     /// A job, if there is such a material.
@@ -263,12 +264,12 @@ impl Queue {
 
     /// Everybody who is there, with their names.
     pub fn sessions(&self) -> impl Iterator<Item = (WorkerId, &str)> {
-        self.crew.sessions()
+        self.workers.sessions()
     }
 
     /// The name of a worker that is there.
     pub fn name(&self, worker: WorkerId) -> Option<&str> {
-        self.crew.name(worker)
+        self.workers.name(worker)
     }
 
     fn state(&self, material: u32) -> Option<&JobState> {

@@ -68,7 +68,7 @@ impl Queue {
         let bar = Bar { cause, reason };
         let bar_ends = now + self.policy.bar;
         let mut changes = Changes {
-            workers: vec![self.crew.set_bar(name, bar, bar_ends)],
+            workers: vec![self.workers.set_bar(name, bar, bar_ends)],
             ..Changes::default()
         };
         let held = self.leases.keys().copied();
@@ -86,7 +86,7 @@ impl Queue {
 
     /// Lets a worker work again, if it is barred.
     pub fn unbar(&mut self, name: &str) -> Option<WorkerChange> {
-        self.crew.lift_bar(name)
+        self.workers.lift_bar(name)
     }
 
     /// Takes from the set what only this worker vouches for.

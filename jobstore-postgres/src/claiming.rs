@@ -4,19 +4,19 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::{Fault, attempt},
-    part::{Part, Way, json, lock, lock_leases, mode, ms, no_farm, number, time},
+    locked_jobs::{LockMode, LockedJobs, json, lock, lock_leases, mode, ms, no_farm, number, time},
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{
     Holder, JobRecord, JobState, Mode, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
-use jobstore::{BoardError, Leased, Renewal};
+use jobstore::{JobStoreError, Leased, Renewal};
 use std::collections::HashMap;
 use tokio_postgres::Row;
 
 impl Shared {
-    pub async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError> {
+    pub async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError> {
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
@@ -31,12 +31,12 @@ impl Shared {
             Ok(())
         })?;
         // A worker of another name may be what a second rendering waits for.
-        self.surroundings.work.notify_waiters();
+        self.context.work.notify_waiters();
         Ok(())
     }
 
     /// The name of a worker, and a note that it called.
-    pub async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError> {
+    pub async fn name(&self, worker: WorkerId) -> Result<Option<String>, JobStoreError> {
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
@@ -54,7 +54,7 @@ impl Shared {
         })
     }
 
-    pub async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError> {
+    pub async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), JobStoreError> {
         let workers: Vec<Vec<u8>> = workers.iter().map(|worker| worker.to_message()).collect();
         let after = ms(self.presence.dismissed_after);
         attempt!({
@@ -67,12 +67,12 @@ impl Shared {
         })
     }
 
-    pub async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError> {
+    pub async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError> {
         let mut answer_lost = false;
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
-            lock(&transaction, Way::Beside).await?;
+            lock(&transaction, LockMode::Shared).await?;
             if answer_lost {
                 let leased = claimed_before(&transaction, worker, tokens).await?;
                 if !leased.jobs.is_empty() {
@@ -109,12 +109,13 @@ impl Shared {
             && barred.is_none()
             && wanted > 0
         {
-            let mut part = Part::new(self.policy, mode, time(asker.get(1)));
-            part.queue.admit(worker, name);
+            let mut locked = LockedJobs::new(self.policy, mode, time(asker.get(1)));
+            locked.queue.admit(worker, name);
             if let Some(record) = record {
                 let name = name.to_owned();
-                part.queue
-                    .add_worker(WorkerChange { name, record }, part.now);
+                locked
+                    .queue
+                    .add_worker(WorkerChange { name, record }, locked.now);
             }
             let mut found = 0;
             for statement in [
@@ -125,13 +126,13 @@ impl Shared {
                 if found < wanted {
                     let rows = query(transaction, statement, &[&name, &(wanted - found)]).await?;
                     found += rows.len() as i64;
-                    part.add(&rows)?;
+                    locked.add(&rows)?;
                 }
             }
             if found > 0 {
                 let tokens = &tokens[..wanted as usize];
-                let changes = part.queue.claim(worker, tokens, part.now);
-                part.write(transaction, &changes, &[]).await?;
+                let changes = locked.queue.claim(worker, tokens, locked.now);
+                locked.write(transaction, &changes, &[]).await?;
                 let materials = changes.jobs.iter().map(|change| change.material);
                 return Ok(Leased {
                     jobs: tokens.iter().copied().zip(materials).collect(),
@@ -150,13 +151,13 @@ impl Shared {
         })
     }
 
-    pub async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError> {
+    pub async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, JobStoreError> {
         let materials = renewals.iter().map(|renewal| i64::from(renewal.material));
         let materials: Vec<i64> = materials.collect();
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
-            let mut part = Part::begin(&transaction, Way::Beside, self.policy).await?;
+            let mut locked = LockedJobs::begin(&transaction, LockMode::Shared, self.policy).await?;
             let leases = lock_leases(&transaction, &materials).await?;
             for (material, (token, (worker, name), lease)) in leases {
                 // Whatever else the job is, for its holder it is leased.
@@ -169,19 +170,19 @@ impl Shared {
                     state: JobState::Leased(holder),
                     ..JobRecord::default()
                 };
-                part.queue.add_job(material, record, Some(lease));
+                locked.queue.add_job(material, record, Some(lease));
             }
-            let now = part.now;
+            let now = locked.now;
             let renewed = renewals.iter().map(|renewal| {
                 let Renewal {
                     token,
                     material,
                     views_done,
                 } = *renewal;
-                part.queue.renew(material, token, views_done, now)
+                locked.queue.renew(material, token, views_done, now)
             });
             let renewed: Vec<bool> = renewed.collect();
-            write_renewed(&transaction, &part, renewals).await?;
+            write_renewed(&transaction, &locked, renewals).await?;
             transaction.commit().await?;
             Ok(renewed)
         })
@@ -190,11 +191,11 @@ impl Shared {
 
 async fn write_renewed(
     transaction: &Transaction<'_>,
-    part: &Part,
+    locked: &LockedJobs,
     renewals: &[Renewal],
 ) -> Result<(), Fault> {
     let leases = renewals.iter().filter_map(|renewal| {
-        let lease = part.queue.lease(renewal.material)?;
+        let lease = locked.queue.lease(renewal.material)?;
         Some((renewal.material, (renewal.token, lease)))
     });
     // By material: no row is written twice.

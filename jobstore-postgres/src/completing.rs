@@ -9,7 +9,7 @@ use super::{
     Shared,
     connecting::query,
     fault::{Fault, attempt},
-    part::{Part, Way, number, record},
+    locked_jobs::{LockMode, LockedJobs, number, record},
 };
 use dataset::Digest;
 use imagestore::blobs::StagedFile;
@@ -17,7 +17,7 @@ use jobqueue::{
     Changes, Check, Completion, JobRecord, JobState, Mode, Queue, Refusal, Standing, Verdict,
     token::Token,
 };
-use jobstore::{BoardError, Delivery, Judged};
+use jobstore::{Delivery, JobStoreError, Judged};
 use std::{
     collections::BTreeSet,
     sync::{Arc, atomic::Ordering},
@@ -28,7 +28,7 @@ use tokio::{
     task,
 };
 
-type Answer = Result<Judged, BoardError>;
+type Answer = Result<Judged, JobStoreError>;
 
 struct Waiting {
     delivery: Delivery,
@@ -55,8 +55,10 @@ impl Completions {
         let (answer, answered) = oneshot::channel();
         // Nobody records any more when the runtime is about to end.
         let waiting = Waiting { delivery, answer };
-        self.0.send(waiting).map_err(|_| BoardError::Interrupted)?;
-        answered.await.map_err(|_| BoardError::Interrupted)?
+        self.0
+            .send(waiting)
+            .map_err(|_| JobStoreError::Interrupted)?;
+        answered.await.map_err(|_| JobStoreError::Interrupted)?
     }
 }
 
@@ -72,7 +74,7 @@ impl Shared {
         material: u32,
         token: Token,
         fingerprint: Digest,
-    ) -> Result<Standing, BoardError> {
+    ) -> Result<Standing, JobStoreError> {
         let number = i64::from(material);
         attempt!({
             let mut connection = self.database.connection().await?;
@@ -90,7 +92,7 @@ impl Shared {
     async fn record(&self, batch: Vec<Waiting>) {
         let deliveries: Vec<&Delivery> = batch.iter().map(|waiting| &waiting.delivery).collect();
         let began = Instant::now();
-        let recorded = self.record_all(&deliveries, Way::Beside).await;
+        let recorded = self.record_all(&deliveries, LockMode::Shared).await;
         self.metrics.note_commit(began.elapsed(), batch.len());
         let mut recorded = match recorded {
             Ok(recorded) => recorded.answers,
@@ -100,14 +102,14 @@ impl Shared {
                     // Whoever asked may have gone.
                     let _ = waiting
                         .answer
-                        .send(Err(BoardError::Unavailable(why.clone())));
+                        .send(Err(JobStoreError::Unavailable(why.clone())));
                 }
                 return;
             }
         };
         for (waiting, answer) in batch.into_iter().zip(recorded.drain(..)) {
             let answer = match answer {
-                Some(answer) => answer.map_err(BoardError::from),
+                Some(answer) => answer.map_err(JobStoreError::from),
                 None => self.record_alone(&waiting.delivery).await,
             };
             let _ = waiting.answer.send(answer);
@@ -115,34 +117,42 @@ impl Shared {
     }
 
     async fn record_alone(&self, delivery: &Delivery) -> Answer {
-        let mut recorded = self.record_all(&[delivery], Way::Alone).await?;
+        let mut recorded = self.record_all(&[delivery], LockMode::Exclusive).await?;
         match recorded.answers.pop().flatten() {
             Some(answer) => Ok(answer?),
-            None => Err(BoardError::Interrupted),
+            None => Err(JobStoreError::Interrupted),
         }
     }
 
-    async fn record_all(&self, deliveries: &[&Delivery], way: Way) -> Result<Recorded, BoardError> {
-        let recorded = attempt!(self.record_once(deliveries, way).await)?;
+    async fn record_all(
+        &self,
+        deliveries: &[&Delivery],
+        lock_mode: LockMode,
+    ) -> Result<Recorded, JobStoreError> {
+        let recorded = attempt!(self.record_once(deliveries, lock_mode).await)?;
         self.after(&recorded.changes);
         Ok(recorded)
     }
 
-    async fn record_once(&self, deliveries: &[&Delivery], way: Way) -> Result<Recorded, Fault> {
+    async fn record_once(
+        &self,
+        deliveries: &[&Delivery],
+        lock_mode: LockMode,
+    ) -> Result<Recorded, Fault> {
         let mut connection = self.database.connection().await?;
         let transaction = connection.transaction().await?;
-        let mut part = Part::begin(&transaction, way, self.policy).await?;
+        let mut locked = LockedJobs::begin(&transaction, lock_mode, self.policy).await?;
         let materials = deliveries
             .iter()
             .map(|delivery| delivery.completion.material);
         let materials: BTreeSet<i64> = materials.map(i64::from).collect();
         let materials: Vec<i64> = materials.into_iter().collect();
-        part.lock_jobs(&transaction, &materials).await?;
+        locked.lock_jobs(&transaction, &materials).await?;
         let mut alone: BTreeSet<u32> = BTreeSet::new();
-        if way == Way::Beside {
-            alone = not_beside(&transaction, &part, deliveries).await?;
+        if lock_mode == LockMode::Shared {
+            alone = needs_exclusive(&transaction, &locked, deliveries).await?;
         } else {
-            widen(&transaction, &mut part, deliveries).await?;
+            widen(&transaction, &mut locked, deliveries).await?;
         }
 
         let mut recorded = Recorded {
@@ -161,11 +171,11 @@ impl Shared {
                 recorded.answers.push(None);
                 continue;
             }
-            let holder = part.queue.holder(material).cloned();
+            let holder = locked.queue.holder(material).cloned();
             let fingerprint = completion.fingerprint();
-            let judged = part
+            let judged = locked
                 .queue
-                .complete(material, *token, fingerprint, *check, part.now);
+                .complete(material, *token, fingerprint, *check, locked.now);
             let judged = judged.map(|(verdict, changes)| {
                 recorded.changes.extend(changes.clone());
                 if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) =
@@ -187,14 +197,15 @@ impl Shared {
         if !recorded.changes.is_empty() {
             self.publish(&completions).await?;
             let completions: Vec<&Completion> = completions.iter().collect();
-            part.write(&transaction, &recorded.changes, &completions)
+            locked
+                .write(&transaction, &recorded.changes, &completions)
                 .await?;
         }
         // Where nothing changed nothing was written, and somebody else's commit is durable before
         // its rows are seen.
         transaction.commit().await?;
         let bytes = completions.iter().map(Completion::bytes).sum();
-        self.surroundings
+        self.context
             .bytes_received
             .fetch_add(bytes, Ordering::Relaxed);
         Ok(recorded)
@@ -204,7 +215,7 @@ impl Shared {
     /// leaves images that nothing names.
     async fn publish(&self, completions: &[Completion]) -> Result<(), Fault> {
         let images: Vec<StagedFile> = {
-            let mut staging = self.surroundings.staging();
+            let mut staging = self.context.staging();
             let images = completions.iter();
             images
                 .flat_map(|completion| staging.begin_publishing(completion))
@@ -213,12 +224,12 @@ impl Shared {
         if images.is_empty() {
             return Ok(());
         }
-        let surroundings = Arc::clone(&self.surroundings);
+        let context = Arc::clone(&self.context);
         let published = task::spawn_blocking(move || {
-            let published = surroundings.blobs.publish(images.iter());
+            let published = context.blobs.publish(images.iter());
             match published {
-                Ok(()) => surroundings.forget(&images),
-                Err(_) => surroundings.staging().not_published(&images),
+                Ok(()) => context.forget(&images),
+                Err(_) => context.staging().not_published(&images),
             }
             published
         });
@@ -228,9 +239,9 @@ impl Shared {
 }
 
 /// The jobs whose completion may change more than they themselves.
-async fn not_beside(
+async fn needs_exclusive(
     transaction: &deadpool_postgres::Transaction<'_>,
-    part: &Part,
+    locked: &LockedJobs,
     deliveries: &[&Delivery],
 ) -> Result<BTreeSet<u32>, Fault> {
     let materials = deliveries
@@ -238,7 +249,7 @@ async fn not_beside(
         .map(|delivery| delivery.completion.material);
     let materials: BTreeSet<u32> = materials.collect();
     let jobs = materials.iter();
-    let jobs = jobs.filter_map(|material| Some((*material, part.queue.job(*material)?)));
+    let jobs = jobs.filter_map(|material| Some((*material, locked.queue.job(*material)?)));
     let jobs: Vec<(u32, &JobRecord)> = jobs.collect();
     let holders = jobs.iter().filter_map(|(_, job)| job.state.holder());
     let names: BTreeSet<&str> = holders.map(|holder| holder.name.as_str()).collect();
@@ -260,13 +271,13 @@ async fn not_beside(
 /// it, and where one of them may turn out to have lied, all that one holds and vouches for.
 async fn widen(
     transaction: &deadpool_postgres::Transaction<'_>,
-    part: &mut Part,
+    locked: &mut LockedJobs,
     deliveries: &[&Delivery],
 ) -> Result<(), Fault> {
     let mut names: BTreeSet<String> = BTreeSet::new();
     let mut suspects: BTreeSet<String> = BTreeSet::new();
     for delivery in deliveries {
-        let Some(job) = part.queue.job(delivery.completion.material) else {
+        let Some(job) = locked.queue.job(delivery.completion.material) else {
             continue;
         };
         names.extend(job.state.holder().map(|holder| holder.name.clone()));
@@ -281,12 +292,12 @@ async fn widen(
     }
     names.extend(suspects.iter().cloned());
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    part.add_workers(transaction, &names).await?;
+    locked.add_workers(transaction, &names).await?;
     let suspects: Vec<&str> = suspects.iter().map(String::as_str).collect();
-    part.add_all_of(transaction, &suspects, true).await
+    locked.add_all_of(transaction, &suspects, true).await
 }
 
-impl Part {
+impl LockedJobs {
     /// Adds all jobs that workers of these names hold, and where `vouched` those that they vouch
     /// for or contradict. Only for who runs alone.
     pub async fn add_all_of(
@@ -319,7 +330,7 @@ impl Shared {
     /// Wakes those who wait for a lease when there may be one.
     pub(super) fn after(&self, changes: &Changes) {
         if changes.offer_work() {
-            self.surroundings.work.notify_waiters();
+            self.context.work.notify_waiters();
         }
     }
 

@@ -4,7 +4,7 @@ use super::encryption;
 use deadpool_postgres::PoolError;
 use imagestore::FileError;
 use jobqueue::Refusal;
-use jobstore::{BoardError, ledger::LedgerError};
+use jobstore::{JobStoreError, ledger::LedgerError};
 use std::error::Error as _;
 use tokio_postgres::error::SqlState;
 
@@ -64,7 +64,7 @@ impl From<Refusal> for Fault {
     }
 }
 
-impl From<Fault> for BoardError {
+impl From<Fault> for JobStoreError {
     fn from(fault: Fault) -> Self {
         match fault {
             Fault::Refused(refusal) => refusal.into(),
@@ -113,7 +113,7 @@ macro_rules! attempt {
                 Err(fault) if fault.is_passing() && attempts < limits::DATABASE_ATTEMPTS_MAX => {
                     attempts += 1;
                 }
-                Err(fault) => break Err(jobstore::BoardError::from(fault)),
+                Err(fault) => break Err(jobstore::JobStoreError::from(fault)),
             }
         }
     }};

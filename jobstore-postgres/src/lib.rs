@@ -1,4 +1,4 @@
-//! The board on PostgreSQL, for any number of coordinators.
+//! The job store on PostgreSQL, for any number of coordinators.
 //!
 //! Every operation is one short transaction: it locks the rows that it touches, builds a queue of
 //! those jobs alone, runs the transition of [`jobqueue`] on it, writes what changed and
@@ -32,23 +32,24 @@ mod connecting;
 mod encryption;
 mod fault;
 mod listing;
+mod locked_jobs;
+mod maintenance;
 mod moving;
 mod operating;
-mod part;
 mod schema;
 mod snapshot;
 mod sweeping;
 #[cfg(any(test, feature = "testing"))]
+#[allow(clippy::unwrap_used, reason = "for tests alone")]
 pub mod testing;
 #[cfg(test)]
 mod tests;
-mod upkeep;
 
 pub use connecting::DatabaseError;
 pub use connecting::{Database, without_secrets};
+pub use maintenance::{Amendment, MaintenanceSession};
 pub use moving::Live;
 pub use schema::Identity;
-pub use upkeep::{Amendment, Upkeep};
 
 use completing::Completions;
 use dataset::Digest;
@@ -57,22 +58,22 @@ use jobqueue::{
     token::{Token, WorkerId},
 };
 use jobstore::{
-    Board, BoardError, Crew, Delivery, Expired, Failed, JobsOrder, JobsPage, Judged, Leased, Meter,
-    Renewal, Surroundings, ledger::BlobPlace,
+    Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder, JobsPage,
+    Judged, Leased, Meter, Renewal, Workers, ledger::BlobPlace,
 };
 use std::{sync::Arc, time::Duration};
 use tokio::sync::watch;
 
 /// When workers that are not heard of count as gone.
 #[derive(Clone, Copy, Debug)]
-pub struct Presence {
+pub struct PresenceLimits {
     /// Before whoever knew it may dismiss it.
     pub dismissed_after: Duration,
     /// Before anybody forgets it.
     pub forgotten_after: Duration,
 }
 
-impl Default for Presence {
+impl Default for PresenceLimits {
     fn default() -> Self {
         Self {
             dismissed_after: limits::WORKER_ABSENT,
@@ -82,7 +83,7 @@ impl Default for Presence {
 }
 
 /// One coordinator's hold on the jobs in a database.
-pub struct PostgresBoard {
+pub struct PostgresJobStore {
     shared: Arc<Shared>,
     completions: Completions,
     failure: watch::Sender<Option<String>>,
@@ -91,25 +92,25 @@ pub struct PostgresBoard {
 struct Shared {
     database: Database,
     policy: Policy,
-    presence: Presence,
-    surroundings: Arc<Surroundings>,
+    presence: PresenceLimits,
+    context: Arc<JobStoreContext>,
     metrics: Arc<dyn Meter>,
 }
 
-impl PostgresBoard {
-    /// A board over a database whose schema is there. Has to be called inside a runtime.
+impl PostgresJobStore {
+    /// A job store over a database whose schema is there. Has to be called inside a runtime.
     pub fn new(
         database: Database,
         policy: Policy,
-        presence: Presence,
+        presence: PresenceLimits,
         metrics: Arc<dyn Meter>,
-        surroundings: Arc<Surroundings>,
+        context: Arc<JobStoreContext>,
     ) -> Self {
         let shared = Arc::new(Shared {
             database,
             policy,
             presence,
-            surroundings,
+            context,
             metrics,
         });
         Self {
@@ -121,24 +122,24 @@ impl PostgresBoard {
 }
 
 #[async_trait::async_trait]
-impl Board for PostgresBoard {
-    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError> {
+impl JobStore for PostgresJobStore {
+    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError> {
         self.shared.admit(worker, name).await
     }
 
-    async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError> {
+    async fn name(&self, worker: WorkerId) -> Result<Option<String>, JobStoreError> {
         self.shared.name(worker).await
     }
 
-    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError> {
+    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), JobStoreError> {
         self.shared.dismiss(workers).await
     }
 
-    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError> {
+    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError> {
         self.shared.claim(worker, tokens).await
     }
 
-    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError> {
+    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, JobStoreError> {
         self.shared.renew(renewals).await
     }
 
@@ -147,35 +148,44 @@ impl Board for PostgresBoard {
         material: u32,
         token: Token,
         fingerprint: Digest,
-    ) -> Result<Standing, BoardError> {
+    ) -> Result<Standing, JobStoreError> {
         self.shared.standing(material, token, fingerprint).await
     }
 
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, BoardError> {
+    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
         self.completions.submit(delivery).await
     }
 
-    async fn fail(&self, material: u32, token: Token, error: &str) -> Result<Failed, BoardError> {
+    async fn fail(
+        &self,
+        material: u32,
+        token: Token,
+        error: &str,
+    ) -> Result<Failed, JobStoreError> {
         self.shared.fail(material, token, error).await
     }
 
-    async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError> {
+    async fn release(&self, worker: WorkerId) -> Result<Changes, JobStoreError> {
         self.shared.release(worker).await
     }
 
-    async fn release_all(&self) -> Result<Changes, BoardError> {
+    async fn release_all(&self) -> Result<Changes, JobStoreError> {
         self.shared.release_all().await
     }
 
-    async fn expire(&self) -> Result<Expired, BoardError> {
+    async fn expire(&self) -> Result<Expired, JobStoreError> {
         self.shared.expire().await
     }
 
-    async fn order(&self, order: JobsOrder, selection: &Selection) -> Result<Changes, BoardError> {
+    async fn order(
+        &self,
+        order: JobsOrder,
+        selection: &Selection,
+    ) -> Result<Changes, JobStoreError> {
         self.shared.order(order, selection).await
     }
 
-    async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError> {
+    async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError> {
         self.shared.set_mode(mode).await
     }
 
@@ -184,11 +194,11 @@ impl Board for PostgresBoard {
         name: &str,
         cause: BarCause,
         reason: String,
-    ) -> Result<Changes, BoardError> {
+    ) -> Result<Changes, JobStoreError> {
         self.shared.bar(name, cause, reason).await
     }
 
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError> {
+    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
         self.shared.unbar(name).await
     }
 
@@ -197,28 +207,28 @@ impl Board for PostgresBoard {
         from: u32,
         jobs_max: usize,
         selection: &Selection,
-    ) -> Result<JobsPage, BoardError> {
+    ) -> Result<JobsPage, JobStoreError> {
         self.shared.jobs(from, jobs_max, selection).await
     }
 
-    async fn crew(&self) -> Result<Crew, BoardError> {
-        self.shared.crew().await
+    async fn workers(&self) -> Result<Workers, JobStoreError> {
+        self.shared.workers().await
     }
 
-    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, JobStoreError> {
         self.shared.places(digests).await
     }
 
-    async fn contents(&self) -> Result<Changes, BoardError> {
+    async fn contents(&self) -> Result<Changes, JobStoreError> {
         self.shared.contents().await
     }
 
-    async fn look(&self) -> Result<(), BoardError> {
-        self.shared.look().await.map(|_| ())
+    async fn publish_overview(&self) -> Result<(), JobStoreError> {
+        self.shared.publish_overview().await.map(|_| ())
     }
 
     // Every operation answers when it is durable.
-    async fn settled(&self) -> Result<(), BoardError> {
+    async fn settled(&self) -> Result<(), JobStoreError> {
         Ok(())
     }
 

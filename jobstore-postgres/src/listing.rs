@@ -5,12 +5,12 @@ use super::{
     claiming::is_finished,
     connecting::query,
     fault::{Fault, attempt},
-    part::{job, json, mode, no_farm, number, stage_name},
+    locked_jobs::{job, json, mode, no_farm, number, stage_name},
 };
 use dataset::Digest;
 use jobqueue::{Changes, JobChange, WorkerChange};
 use jobqueue::{Counts, Selection, Stage, WorkerRecord, token::WorkerId};
-use jobstore::{BoardError, Crew, JobsPage, Overview, Session, ledger::BlobPlace};
+use jobstore::{JobStoreError, JobsPage, Overview, Session, Workers, ledger::BlobPlace};
 use std::collections::HashMap;
 use tokio_postgres::Row;
 
@@ -25,8 +25,8 @@ const STAGES: [Stage; 6] = [
 ];
 
 impl Shared {
-    /// How the jobs stand, told to the surroundings as well.
-    pub async fn look(&self) -> Result<Overview, BoardError> {
+    /// How the jobs stand, told to the context as well.
+    pub async fn publish_overview(&self) -> Result<Overview, JobStoreError> {
         let overview = attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
@@ -63,7 +63,7 @@ impl Shared {
                 finished: is_finished(&transaction).await?,
             })
         })?;
-        self.surroundings.tell(overview);
+        self.context.publish(overview);
         Ok(overview)
     }
 
@@ -72,7 +72,7 @@ impl Shared {
         from: u32,
         jobs_max: usize,
         selection: &Selection,
-    ) -> Result<JobsPage, BoardError> {
+    ) -> Result<JobsPage, JobStoreError> {
         let stages = STAGES.iter().filter(|stage| selection.has_stage(**stage));
         let stages: Vec<&str> = stages.map(|stage| stage_name(*stage)).collect();
         let ranges = selection.ranges();
@@ -101,7 +101,7 @@ impl Shared {
         })
     }
 
-    pub async fn crew(&self) -> Result<Crew, BoardError> {
+    pub async fn workers(&self) -> Result<Workers, JobStoreError> {
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
@@ -115,14 +115,17 @@ impl Shared {
                     held: number(row.get(2))?,
                 })
             });
-            Ok(Crew {
+            Ok(Workers {
                 records: workers.iter().map(worker).collect::<Result<_, Fault>>()?,
                 sessions: sessions.collect::<Result<_, Fault>>()?,
             })
         })
     }
 
-    pub async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+    pub async fn places(
+        &self,
+        digests: &[Digest],
+    ) -> Result<Vec<Option<BlobPlace>>, JobStoreError> {
         let wanted: Vec<&[u8]> = digests
             .iter()
             .map(|digest| &digest.as_bytes()[..])
@@ -147,7 +150,7 @@ impl Shared {
         })
     }
 
-    pub async fn contents(&self) -> Result<Changes, BoardError> {
+    pub async fn contents(&self) -> Result<Changes, JobStoreError> {
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;

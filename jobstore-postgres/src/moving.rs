@@ -4,12 +4,12 @@ use super::{
     connecting::{DatabaseError, execute, query},
     fault::Fault,
     listing::worker,
-    part::{Part, Way, json, mode, ms, no_farm, number, record},
+    locked_jobs::{LockMode, LockedJobs, json, mode, ms, no_farm, number, record},
+    maintenance::MaintenanceSession,
     schema::{self, Identity},
-    upkeep::Upkeep,
 };
 use jobqueue::{Changes, JobChange, Policy, WorkerChange};
-use jobstore::kept::{Crew, Entry, Page};
+use jobstore::kept::{Entry, KeptFarm, Page};
 use tokio_postgres::Row;
 
 /// Who is at work on a database.
@@ -21,17 +21,17 @@ pub struct Live {
     pub leases: u32,
 }
 
-impl Upkeep {
+impl MaintenanceSession {
     /// Keeps coordinators from starting, and all transactions of those that run waiting, for as
     /// long as this session lives; says who was at work.
-    pub async fn hold_still(&mut self) -> Result<Live, DatabaseError> {
-        let live = self.hold_once().await.map_err(|fault| self.away(fault))?;
+    pub async fn freeze(&mut self) -> Result<Live, DatabaseError> {
+        let live = self.freeze_once().await.map_err(|fault| self.away(fault))?;
         self.exclude().await?;
         Ok(live)
     }
 
-    async fn hold_once(&mut self) -> Result<Live, Fault> {
-        let statement = include_str!("sql/lock_moving.sql");
+    async fn freeze_once(&mut self) -> Result<Live, Fault> {
+        let statement = include_str!("sql/lock_migration.sql");
         self.client.query_one(statement, &[]).await?;
         let after = ms(limits::WORKER_ABSENT);
         let statement = include_str!("sql/live.sql");
@@ -87,12 +87,13 @@ impl Upkeep {
 
     async fn write_entries_once(&mut self, entries: &[Entry]) -> Result<(), Fault> {
         let transaction = self.client.transaction().await?;
-        let mut part = Part::begin(&transaction, Way::Alone, Policy::default()).await?;
+        let mut locked =
+            LockedJobs::begin(&transaction, LockMode::Exclusive, Policy::default()).await?;
         let materials: Vec<i64> = entries
             .iter()
             .map(|entry| i64::from(entry.material))
             .collect();
-        part.lock_jobs(&transaction, &materials).await?;
+        locked.lock_jobs(&transaction, &materials).await?;
         let jobs = entries.iter().map(|entry| JobChange {
             material: entry.material,
             record: entry.record.clone(),
@@ -105,54 +106,54 @@ impl Upkeep {
             .iter()
             .filter_map(|entry| entry.completion.as_ref())
             .collect();
-        part.write(&transaction, &changes, &completions).await?;
+        locked.write(&transaction, &changes, &completions).await?;
         Ok(transaction.commit().await?)
     }
 
     /// What is kept of workers, and whether work is handed out.
-    pub async fn crew_kept(&mut self) -> Result<Crew, DatabaseError> {
-        let crew = self.crew_once().await;
-        crew.map_err(|fault| self.away(fault))
+    pub async fn kept_farm(&mut self) -> Result<KeptFarm, DatabaseError> {
+        let farm = self.kept_farm_once().await;
+        farm.map_err(|fault| self.away(fault))
     }
 
-    async fn crew_once(&mut self) -> Result<Crew, Fault> {
+    async fn kept_farm_once(&mut self) -> Result<KeptFarm, Fault> {
         let transaction = self.client.transaction().await?;
         let rows = query(&transaction, include_str!("sql/workers.sql"), &[]).await?;
         let workers = rows.iter().map(worker).collect::<Result<_, Fault>>()?;
         let rows = query(&transaction, include_str!("sql/farm.sql"), &[]).await?;
         let farm = rows.first().ok_or_else(no_farm)?;
-        Ok(Crew {
+        Ok(KeptFarm {
             workers,
             mode: mode(farm.get(0))?,
         })
     }
 
-    /// Writes what is kept of workers over what is there, and the mode. Bars over failures get their
-    /// full time again.
-    pub async fn write_crew(&mut self, crew: &Crew) -> Result<(), DatabaseError> {
-        let written = self.write_crew_once(crew).await;
+    /// Writes what is kept of workers over what is there, and the mode. Bars over failures get
+    /// their full time again.
+    pub async fn write_farm(&mut self, farm: &KeptFarm) -> Result<(), DatabaseError> {
+        let written = self.write_farm_once(farm).await;
         written.map_err(|fault| self.away(fault))
     }
 
-    async fn write_crew_once(&mut self, crew: &Crew) -> Result<(), Fault> {
+    async fn write_farm_once(&mut self, farm: &KeptFarm) -> Result<(), Fault> {
         let transaction = self.client.transaction().await?;
         let policy = Policy::default();
-        let mut part = Part::begin(&transaction, Way::Alone, policy).await?;
-        let ends = part.now + policy.bar;
-        let workers = crew.workers.iter().map(|(name, record)| WorkerChange {
+        let mut locked = LockedJobs::begin(&transaction, LockMode::Exclusive, policy).await?;
+        let ends = locked.now + policy.bar;
+        let workers = farm.workers.iter().map(|(name, record)| WorkerChange {
             name: name.clone(),
             record: record.clone(),
         });
         let workers: Vec<WorkerChange> = workers.collect();
         for change in &workers {
-            part.queue.add_worker(change.clone(), ends);
+            locked.queue.add_worker(change.clone(), ends);
         }
         let changes = Changes {
             workers,
-            mode: Some(crew.mode),
+            mode: Some(farm.mode),
             ..Changes::default()
         };
-        part.write(&transaction, &changes, &[]).await?;
+        locked.write(&transaction, &changes, &[]).await?;
         Ok(transaction.commit().await?)
     }
 

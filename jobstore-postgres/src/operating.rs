@@ -4,30 +4,31 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::Fault,
-    part::{Part, Way, number, stage_name},
+    locked_jobs::{LockMode, LockedJobs, number, stage_name},
 };
 use jobqueue::{
     BarCause, Changes, Mode, Selection, Stage, WorkerChange,
     token::{Token, WorkerId},
 };
-use jobstore::{BoardError, Failed, JobsOrder};
+use jobstore::{Failed, JobStoreError, JobsOrder};
 use std::sync::atomic::Ordering;
 use tokio_postgres::types::ToSql;
 
 /// Runs a transition alone: the body adds the jobs that it needs to the part, makes the transition,
 /// and gives an answer and what changed.
-macro_rules! alone {
-    ($shared:expr, |$transaction:ident, $part:ident| $body:expr) => {{
+macro_rules! exclusively {
+    ($shared:expr, |$transaction:ident, $locked:ident| $body:expr) => {{
         let outcome = $crate::fault::attempt!({
             let mut connection = $shared.database.connection().await?;
             let transaction = connection.transaction().await?;
-            let mut part = Part::begin(&transaction, Way::Alone, $shared.policy).await?;
+            let mut locked =
+                LockedJobs::begin(&transaction, LockMode::Exclusive, $shared.policy).await?;
             let (outcome, changes) = {
                 let $transaction = &transaction;
-                let $part = &mut part;
+                let $locked = &mut locked;
                 $body
             };
-            part.write(&transaction, &changes, &[]).await?;
+            locked.write(&transaction, &changes, &[]).await?;
             transaction.commit().await?;
             Ok((outcome, changes))
         });
@@ -37,7 +38,7 @@ macro_rules! alone {
         })
     }};
 }
-pub(super) use alone;
+pub(super) use exclusively;
 
 impl Shared {
     pub async fn fail(
@@ -45,14 +46,16 @@ impl Shared {
         material: u32,
         token: Token,
         error: &str,
-    ) -> Result<Failed, BoardError> {
-        let failed = alone!(self, |transaction, part| {
-            part.lock_jobs(transaction, &[i64::from(material)]).await?;
-            let holder = part.queue.holder(material);
+    ) -> Result<Failed, JobStoreError> {
+        let failed = exclusively!(self, |transaction, locked| {
+            locked
+                .lock_jobs(transaction, &[i64::from(material)])
+                .await?;
+            let holder = locked.queue.holder(material);
             let worker = holder.map(|holder| holder.name.clone()).unwrap_or_default();
-            part.add_workers(transaction, &[&worker]).await?;
-            part.add_all_of(transaction, &[&worker], false).await?;
-            let changes = part.queue.fail(material, token, error, part.now)?;
+            locked.add_workers(transaction, &[&worker]).await?;
+            locked.add_all_of(transaction, &[&worker], false).await?;
+            let changes = locked.queue.fail(material, token, error, locked.now)?;
             let failed = Failed {
                 worker,
                 changes: changes.clone(),
@@ -60,32 +63,32 @@ impl Shared {
             (failed, changes)
         });
         let failed = failed?;
-        self.surroundings.failures.fetch_add(1, Ordering::Relaxed);
-        self.look().await?;
+        self.context.failures.fetch_add(1, Ordering::Relaxed);
+        self.publish_overview().await?;
         Ok(failed)
     }
 
-    pub async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError> {
+    pub async fn release(&self, worker: WorkerId) -> Result<Changes, JobStoreError> {
         let id = worker.to_message();
         let id = &id;
-        alone!(self, |transaction, part| {
+        exclusively!(self, |transaction, locked| {
             let statement = include_str!("sql/held_by_worker.sql");
             let held = query(transaction, statement, &[id]).await?;
             let mut held: Vec<i64> = held.iter().map(|row| row.get(0)).collect();
             held.sort_unstable();
-            part.lock_jobs(transaction, &held).await?;
-            let changes = part.queue.release(worker, part.now);
+            locked.lock_jobs(transaction, &held).await?;
+            let changes = locked.queue.release(worker, locked.now);
             execute(transaction, include_str!("sql/leave.sql"), &[id]).await?;
             (changes.clone(), changes)
         })
     }
 
-    pub async fn release_all(&self) -> Result<Changes, BoardError> {
-        alone!(self, |transaction, part| {
+    pub async fn release_all(&self) -> Result<Changes, JobStoreError> {
+        exclusively!(self, |transaction, locked| {
             let held = query(transaction, include_str!("sql/held.sql"), &[]).await?;
             let held: Vec<i64> = held.iter().map(|row| row.get(0)).collect();
-            part.lock_jobs(transaction, &held).await?;
-            let changes = part.queue.release_all(part.now);
+            locked.lock_jobs(transaction, &held).await?;
+            let changes = locked.queue.release_all(locked.now);
             (changes.clone(), changes)
         })
     }
@@ -95,7 +98,7 @@ impl Shared {
         &self,
         order: JobsOrder,
         selection: &Selection,
-    ) -> Result<Changes, BoardError> {
+    ) -> Result<Changes, JobStoreError> {
         let stages: &[Stage] = match order {
             JobsOrder::Retry => &[Stage::SetAside, Stage::Cancelled],
             JobsOrder::Cancel => &[Stage::Pending, Stage::Leased, Stage::SetAside],
@@ -110,20 +113,22 @@ impl Shared {
         let mut all = Changes::default();
         let mut from = 0_i64;
         loop {
-            let page = alone!(self, |transaction, part| {
+            let page = exclusively!(self, |transaction, locked| {
                 let most = limits::DATABASE_PAGE_MAX;
                 let statement = include_str!("sql/selected.sql");
                 let parameters: &[&(dyn ToSql + Sync)] = &[&from, stages, firsts, lasts, &most];
                 let rows = query(transaction, statement, parameters).await?;
                 let materials: Vec<i64> = rows.iter().map(|row| row.get(0)).collect();
-                part.lock_jobs(transaction, &materials).await?;
+                locked.lock_jobs(transaction, &materials).await?;
                 let chosen = materials.iter().map(|material| number(*material));
                 let chosen = chosen.collect::<Result<Vec<u32>, Fault>>()?;
-                let now = part.now;
+                let now = locked.now;
                 let changes = match order {
-                    JobsOrder::Retry => part.queue.retry(chosen, now),
-                    JobsOrder::Cancel => part.queue.cancel(chosen, now),
-                    JobsOrder::Prioritize(priority) => part.queue.prioritize(chosen, priority, now),
+                    JobsOrder::Retry => locked.queue.retry(chosen, now),
+                    JobsOrder::Cancel => locked.queue.cancel(chosen, now),
+                    JobsOrder::Prioritize(priority) => {
+                        locked.queue.prioritize(chosen, priority, now)
+                    }
                 };
                 let full = materials.len() as i64 == most;
                 let next = materials.last().filter(|_| full).map(|last| last + 1);
@@ -136,17 +141,17 @@ impl Shared {
                 None => break,
             }
         }
-        self.look().await?;
+        self.publish_overview().await?;
         Ok(all)
     }
 
-    pub async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError> {
-        let changes = alone!(self, |_transaction, part| {
-            let changes = part.queue.set_mode(mode);
+    pub async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError> {
+        let changes = exclusively!(self, |_transaction, locked| {
+            let changes = locked.queue.set_mode(mode);
             (changes.clone(), changes)
         });
         let changes = changes?;
-        self.look().await?;
+        self.publish_overview().await?;
         Ok(changes)
     }
 
@@ -155,24 +160,24 @@ impl Shared {
         name: &str,
         cause: BarCause,
         reason: String,
-    ) -> Result<Changes, BoardError> {
+    ) -> Result<Changes, JobStoreError> {
         let reason = &reason;
-        let changes = alone!(self, |transaction, part| {
-            part.add_workers(transaction, &[name]).await?;
+        let changes = exclusively!(self, |transaction, locked| {
+            locked.add_workers(transaction, &[name]).await?;
             let vouched = cause == BarCause::Disagreement;
-            part.add_all_of(transaction, &[name], vouched).await?;
-            let changes = part.queue.bar(name, cause, reason.clone(), part.now);
+            locked.add_all_of(transaction, &[name], vouched).await?;
+            let changes = locked.queue.bar(name, cause, reason.clone(), locked.now);
             (changes.clone(), changes)
         });
         let changes = changes?;
-        self.look().await?;
+        self.publish_overview().await?;
         Ok(changes)
     }
 
-    pub async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError> {
-        let change = alone!(self, |transaction, part| {
-            part.add_workers(transaction, &[name]).await?;
-            let change = part.queue.unbar(name);
+    pub async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
+        let change = exclusively!(self, |transaction, locked| {
+            locked.add_workers(transaction, &[name]).await?;
+            let change = locked.queue.unbar(name);
             let changes = Changes {
                 workers: change.iter().cloned().collect(),
                 ..Changes::default()
@@ -180,7 +185,7 @@ impl Shared {
             (change, changes)
         });
         let change = change?;
-        self.look().await?;
+        self.publish_overview().await?;
         Ok(change)
     }
 }

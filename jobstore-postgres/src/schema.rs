@@ -53,7 +53,7 @@ impl Database {
         let made = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;
-            execute(&transaction, include_str!("sql/lock_alone.sql"), &[]).await?;
+            execute(&transaction, include_str!("sql/lock_exclusive.sql"), &[]).await?;
             make(&transaction, identity, materials).await?;
             transaction.commit().await?;
             Ok(())
@@ -91,7 +91,7 @@ pub(super) async fn make(
 async fn migrate(transaction: &Transaction<'_>) -> Result<(), Fault> {
     // The same lock as every transaction's: a schema never changes under one.
     transaction
-        .query(include_str!("sql/lock_alone.sql"), &[])
+        .query(include_str!("sql/lock_exclusive.sql"), &[])
         .await?;
     transaction
         .batch_execute(include_str!("sql/migrations.sql"))

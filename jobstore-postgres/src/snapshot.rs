@@ -13,7 +13,7 @@ use tokio_postgres::{IsolationLevel, types::ToSql};
 
 impl Database {
     /// What the database is about; none where it is about nothing, or has no schema.
-    pub async fn look(&self) -> Result<Option<Identity>, DatabaseError> {
+    pub async fn snapshot(&self) -> Result<Option<Identity>, DatabaseError> {
         let looked = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;

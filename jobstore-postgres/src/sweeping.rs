@@ -8,21 +8,21 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::{Fault, attempt},
-    operating::alone,
-    part::{Part, Way, lock, ms, no_farm, time},
+    locked_jobs::{LockMode, LockedJobs, lock, ms, no_farm, time},
+    operating::exclusively,
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{Changes, LostLease};
-use jobstore::{BoardError, Expired};
+use jobstore::{Expired, JobStoreError};
 use std::{collections::BTreeSet, sync::atomic::Ordering, time::Duration};
 
 impl Shared {
-    pub async fn expire(&self) -> Result<Expired, BoardError> {
+    pub async fn expire(&self) -> Result<Expired, JobStoreError> {
         let mut all = Expired::default();
-        while attempt!(self.look_around().await)? {
+        while attempt!(self.sweep_once().await)? {
             let (changes, lost) = self.take_back().await?;
             let taken = lost.len() as i64;
-            let counted = &self.surroundings.leases_lost;
+            let counted = &self.context.leases_lost;
             counted.fetch_add(lost.len() as u64, Ordering::Relaxed);
             all.changes.extend(changes);
             all.lost.extend(lost);
@@ -30,18 +30,18 @@ impl Shared {
                 break;
             }
         }
-        let overview = self.look().await?;
+        let overview = self.publish_overview().await?;
         let counts = overview.counts;
         // Other coordinators give work back as well, and nobody tells.
         let offered = counts.pending + counts.checks + counts.disputed > 0;
         if overview.finished || offered {
-            self.surroundings.work.notify_waiters();
+            self.context.work.notify_waiters();
         }
         Ok(all)
     }
 
     /// Notes that somebody looked; whether something ran out that is ours to take back.
-    async fn look_around(&self) -> Result<bool, Fault> {
+    async fn sweep_once(&self) -> Result<bool, Fault> {
         let mut connection = self.database.connection().await?;
         let transaction = connection.transaction().await?;
         let leads = query(&transaction, include_str!("sql/lead.sql"), &[]).await?;
@@ -73,7 +73,7 @@ impl Shared {
         transaction: &Transaction<'_>,
         now: Duration,
     ) -> Result<(), Fault> {
-        lock(transaction, Way::Alone).await?;
+        lock(transaction, LockMode::Exclusive).await?;
         let expires = ms(now + self.policy.lease.min(self.policy.deadline));
         let statement = include_str!("sql/prolong_leases.sql");
         let leases = execute(transaction, statement, &[&ms(now), &expires]).await?;
@@ -88,22 +88,22 @@ impl Shared {
         Ok(())
     }
 
-    async fn take_back(&self) -> Result<(Changes, Vec<LostLease>), BoardError> {
-        alone!(self, |transaction, part| {
-            let now = ms(part.now);
+    async fn take_back(&self) -> Result<(Changes, Vec<LostLease>), JobStoreError> {
+        exclusively!(self, |transaction, locked| {
+            let now = ms(locked.now);
             let statement = include_str!("sql/expired.sql");
             let most = limits::DATABASE_PAGE_MAX;
             let over = query(transaction, statement, &[&now, &most]).await?;
             let materials: BTreeSet<i64> = over.iter().map(|row| row.get(0)).collect();
             let materials: Vec<i64> = materials.into_iter().collect();
-            part.lock_jobs(transaction, &materials).await?;
+            locked.lock_jobs(transaction, &materials).await?;
             let statement = include_str!("sql/bars_ended.sql");
             let ended = query(transaction, statement, &[&now]).await?;
             let mut names: BTreeSet<&str> = over.iter().map(|row| row.get(1)).collect();
             names.extend(ended.iter().map(|row| row.get::<_, &str>(0)));
             let names: Vec<&str> = names.into_iter().collect();
-            part.add_workers(transaction, &names).await?;
-            let (changes, lost) = part.queue.expire(part.now);
+            locked.add_workers(transaction, &names).await?;
+            let (changes, lost) = locked.queue.expire(locked.now);
             ((changes.clone(), lost), changes)
         })
     }

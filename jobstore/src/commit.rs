@@ -3,8 +3,8 @@
 //! Two threads. One gives images their names (synced before and after); the other appends
 //! completions to the log (synced) and writes the ledger (flushed and synced), and only then does
 //! anybody hear of it. Images are published before their completion is judged, so that a lease,
-//! which has none, waits for no image's sync. One that was staged anew since, as when a worker sends
-//! it again, is published with the transition.
+//! which has none, waits for no image's sync. One that was staged anew since, as when a worker
+//! sends it again, is published with the transition.
 //!
 //! Architecture invariant: what was acknowledged is durable, and the ledger names no image that is
 //! not.

@@ -3,8 +3,8 @@
 //!
 //! A line is the first 16 hexadecimal digits of the BLAKE3 hash of a JSON text, a space, the JSON
 //! text of a [`Completion`] or of a [`Retraction`], and a newline. Lines are only ever appended;
-//! where a material occurs twice the later line counts. A crash can tear the last line, which is then
-//! cut off; a line that is damaged elsewhere is passed over and reported.
+//! where a material occurs twice the later line counts. A crash can tear the last line, which is
+//! then cut off; a line that is damaged elsewhere is passed over and reported.
 
 use dataset::Digest;
 use imagestore::FileError;

@@ -24,8 +24,8 @@ use tokio::sync::{oneshot, watch};
 #[error("the coordinator no longer writes to its store{}", .0.as_ref().map(|why| format!(": {why}")).unwrap_or_default())]
 pub struct NotDurable(pub Option<String>);
 
-/// Why a store can no longer be written, once that is so. The threads of the store's groups hold it,
-/// and nobody else: whoever waits for it learns also that all of them ended.
+/// Why a store can no longer be written, once that is so. The threads of the store's groups hold
+/// it, and nobody else: whoever waits for it learns also that all of them ended.
 #[derive(Clone, Debug)]
 pub struct Failure(Arc<watch::Sender<Option<String>>>);
 
@@ -42,7 +42,7 @@ impl Failure {
         self.0.borrow().is_some()
     }
 
-    fn tell(&self, error: &dyn Display) {
+    fn publish(&self, error: &dyn Display) {
         tracing::error!(%error, "the store cannot be written: nothing more is accepted");
         self.0.send_replace(Some(error.to_string()));
     }
@@ -100,8 +100,8 @@ impl<T: Send + 'static> Group<T> {
                 let run = AssertUnwindSafe(|| run(&waiting, pace, &failure, &mut write));
                 match panic::catch_unwind(run) {
                     Ok(Ok(())) => {}
-                    Ok(Err(error)) => failure.tell(&error),
-                    Err(_) => failure.tell(&"writing failed"),
+                    Ok(Err(error)) => failure.publish(&error),
+                    Err(_) => failure.publish(&"writing failed"),
                 }
             })
             .map_err(|source| FileError {

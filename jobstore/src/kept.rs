@@ -25,7 +25,7 @@ pub struct Page {
 
 /// What is kept of workers, and whether work is handed out.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Crew {
+pub struct KeptFarm {
     /// The workers that have a history, by name.
     pub workers: BTreeMap<String, WorkerRecord>,
     /// Whether work is handed out.

@@ -1,8 +1,8 @@
-//! The board: every transition of the queue, made durable.
+//! The job store: every transition of the queue, made durable.
 //!
-//! The farm knows the jobs through this trait alone. [`LocalBoard`] keeps the queue in memory, its
-//! changes in a [`crate::ledger`], and belongs to one process. Whatever implements [`Board`] runs
-//! the transitions of [`jobqueue`] and no others, and is tested by one suite, `model`: random
+//! The farm knows the jobs through this trait alone. [`LocalJobStore`] keeps the queue in memory,
+//! its changes in a [`crate::ledger`], and belongs to one process. Whatever implements [`JobStore`]
+//! runs the transitions of [`jobqueue`] and no others, and is tested by one suite, `model`: random
 //! operations against a simple model, with restarts.
 //!
 //! | module | what |
@@ -19,21 +19,22 @@
 
 mod commit;
 pub mod completion_log;
+mod context;
 mod group;
 pub mod kept;
 pub mod ledger;
 mod local;
 mod meter;
 #[cfg(any(test, feature = "conformance"))]
+#[allow(clippy::unwrap_used, reason = "a suite of tests")]
 pub mod model;
 mod recovery;
-mod surroundings;
 
+pub use context::JobStoreContext;
 pub use group::NotDurable;
-pub use local::LocalBoard;
+pub use local::LocalJobStore;
 pub use meter::Meter;
 pub use recovery::{Recovered, Recovery, recover};
-pub use surroundings::Surroundings;
 
 use crate::ledger::{BlobPlace, LedgerError};
 use dataset::Digest;
@@ -49,7 +50,7 @@ use tokio::sync::watch;
 
 /// Why an operation was not done.
 #[derive(Debug, Error)]
-pub enum BoardError {
+pub enum JobStoreError {
     /// The queue does not allow it.
     #[error(transparent)]
     Refused(#[from] Refusal),
@@ -112,7 +113,7 @@ pub struct Renewal {
 pub struct Delivery {
     /// The lease under which it was rendered.
     pub token: Token,
-    /// Who rendered it is filled in by the board.
+    /// Who rendered it is filled in by the job store.
     pub completion: Completion,
     /// Whether a first rendering is to be followed by a second.
     pub check: bool,
@@ -171,7 +172,7 @@ pub struct JobsPage {
 
 /// The workers.
 #[derive(Debug, Default)]
-pub struct Crew {
+pub struct Workers {
     /// Those with a history, by name.
     pub records: Vec<(String, WorkerRecord)>,
     /// Those that are registered.
@@ -191,22 +192,22 @@ pub struct Session {
 
 /// The jobs of one dataset, and what the farm does to them.
 #[async_trait::async_trait]
-pub trait Board: Send + Sync {
+pub trait JobStore: Send + Sync {
     /// Notes that a worker is there, under this name; it can claim jobs from now on.
-    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError>;
+    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError>;
 
     /// The name of a worker that is there.
-    async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError>;
+    async fn name(&self, worker: WorkerId) -> Result<Option<String>, JobStoreError>;
 
     /// Notes that workers are gone, those of them that hold nothing.
-    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError>;
+    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), JobStoreError>;
 
     /// Leases jobs to a worker, one for each token while there are jobs for it. The tokens of jobs
     /// come in the order of the tokens given.
-    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError>;
+    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError>;
 
     /// Prolongs leases; of each says whether its holder may go on.
-    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError>;
+    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, JobStoreError>;
 
     /// Where a completion with this fingerprint would stand.
     async fn standing(
@@ -214,36 +215,45 @@ pub trait Board: Send + Sync {
         material: u32,
         token: Token,
         fingerprint: Digest,
-    ) -> Result<Standing, BoardError>;
+    ) -> Result<Standing, JobStoreError>;
 
     /// Completes a job, or its second or third rendering. Staged images are published where they
     /// become the job's.
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, BoardError>;
+    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError>;
 
     /// Records a failure that the holder of a lease reports.
-    async fn fail(&self, material: u32, token: Token, error: &str) -> Result<Failed, BoardError>;
+    async fn fail(&self, material: u32, token: Token, error: &str)
+    -> Result<Failed, JobStoreError>;
 
     /// Takes back every lease of a worker that leaves, which is gone then.
-    async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError>;
+    async fn release(&self, worker: WorkerId) -> Result<Changes, JobStoreError>;
 
     /// Takes back every lease, where nobody can be left who holds one.
-    async fn release_all(&self) -> Result<Changes, BoardError>;
+    async fn release_all(&self) -> Result<Changes, JobStoreError>;
 
     /// Takes back every lease whose time is over, and lifts bars whose time is.
-    async fn expire(&self) -> Result<Expired, BoardError>;
+    async fn expire(&self) -> Result<Expired, JobStoreError>;
 
     /// Does one thing to the jobs of a selection that it can be done to.
-    async fn order(&self, order: JobsOrder, selection: &Selection) -> Result<Changes, BoardError>;
+    async fn order(
+        &self,
+        order: JobsOrder,
+        selection: &Selection,
+    ) -> Result<Changes, JobStoreError>;
 
     /// Hands work out or not.
-    async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError>;
+    async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError>;
 
     /// Gives workers of this name no more work and takes back what they hold.
-    async fn bar(&self, name: &str, cause: BarCause, reason: String)
-    -> Result<Changes, BoardError>;
+    async fn bar(
+        &self,
+        name: &str,
+        cause: BarCause,
+        reason: String,
+    ) -> Result<Changes, JobStoreError>;
 
     /// Lets workers of this name work again, if they are barred.
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError>;
+    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError>;
 
     /// The first `jobs_max` jobs of a selection from a material on.
     async fn jobs(
@@ -251,22 +261,22 @@ pub trait Board: Send + Sync {
         from: u32,
         jobs_max: usize,
         selection: &Selection,
-    ) -> Result<JobsPage, BoardError>;
+    ) -> Result<JobsPage, JobStoreError>;
 
     /// Everybody who is there, and everybody who has a history.
-    async fn crew(&self) -> Result<Crew, BoardError>;
+    async fn workers(&self) -> Result<Workers, JobStoreError>;
 
     /// Which images have these digests, in their order; none where none was ever recorded.
-    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError>;
+    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, JobStoreError>;
 
     /// Everything that is kept of the queue: every job and every worker that has a record, once.
-    async fn contents(&self) -> Result<Changes, BoardError>;
+    async fn contents(&self) -> Result<Changes, JobStoreError>;
 
-    /// Tells the surroundings how the jobs stand now.
-    async fn look(&self) -> Result<(), BoardError>;
+    /// Tells the context how the jobs stand now.
+    async fn publish_overview(&self) -> Result<(), JobStoreError>;
 
     /// Waits until all that happened so far is durable.
-    async fn settled(&self) -> Result<(), BoardError>;
+    async fn settled(&self) -> Result<(), JobStoreError>;
 
     /// Why nothing can be recorded any more, once that is so.
     fn failure(&self) -> watch::Receiver<Option<String>>;

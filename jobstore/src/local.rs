@@ -1,12 +1,12 @@
-//! The board of one process: the queue in memory, its changes in a ledger, by group commit.
+//! The job store of one process: the queue in memory, its changes in a ledger, by group commit.
 //!
 //! The queue is behind one lock, which is held for microseconds and never over a wait. An operation
 //! changes the queue and submits the change to the commit thread under the lock, then waits without
 //! it until the change is durable, and only then answers.
 
 use super::{
-    Board, BoardError, Crew, Delivery, Expired, Failed, JobsOrder, JobsPage, Judged, Leased,
-    Overview, Renewal, Session, Surroundings,
+    Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder, JobsPage,
+    Judged, Leased, Overview, Renewal, Session, Workers,
 };
 use crate::{
     commit::{Committer, Transition},
@@ -31,11 +31,11 @@ use tokio::{sync::watch, task};
 pub type Clock = Box<dyn Fn() -> Duration + Send + Sync>;
 
 /// A queue, and the thread that makes its changes durable.
-pub struct LocalBoard {
+pub struct LocalJobStore {
     queue: Arc<Mutex<Queue>>,
     committer: Committer,
     ledger: Arc<dyn Ledger>,
-    surroundings: Arc<Surroundings>,
+    context: Arc<JobStoreContext>,
     clock: Clock,
 }
 
@@ -55,21 +55,21 @@ fn overview(queue: &Queue) -> Overview {
     }
 }
 
-impl LocalBoard {
+impl LocalJobStore {
     /// Starts the commit thread over a queue that holds what `ledger` kept.
     pub fn start(
         queue: Queue,
         log: CompletionLog,
         ledger: Arc<dyn Ledger>,
         metrics: Arc<dyn Meter>,
-        surroundings: Arc<Surroundings>,
+        context: Arc<JobStoreContext>,
         clock: Clock,
     ) -> Result<Self, FileError> {
         let queue = Arc::new(Mutex::new(queue));
         let committed = Arc::clone(&queue);
-        let (named, around) = (Arc::clone(&surroundings), Arc::clone(&surroundings));
+        let (named, around) = (Arc::clone(&context), Arc::clone(&context));
         let committer = Committer::start(
-            surroundings.blobs.clone(),
+            context.blobs.clone(),
             log,
             Arc::clone(&ledger),
             metrics,
@@ -77,37 +77,37 @@ impl LocalBoard {
             move |images| {
                 around.forget(images);
                 let overview = overview(&lock(&committed));
-                around.tell(overview);
+                around.publish(overview);
             },
         )?;
-        let board = Self {
+        let job_store = Self {
             queue,
             committer,
             ledger,
-            surroundings,
+            context,
             clock,
         };
-        let overview = overview(&board.lock());
-        board.surroundings.tell(overview);
-        Ok(board)
+        let overview = overview(&job_store.lock());
+        job_store.context.publish(overview);
+        Ok(job_store)
     }
 
-    /// A board without a thread of its own, which tells its surroundings only when it is asked to
+    /// A job store without a thread of its own, which tells its context only when it is asked to
     /// look.
     #[cfg(test)]
     pub fn without_thread(
         queue: Queue,
         log: CompletionLog,
         ledger: Arc<dyn Ledger>,
-        surroundings: Arc<Surroundings>,
+        context: Arc<JobStoreContext>,
         clock: Clock,
     ) -> Self {
-        let blobs = surroundings.blobs.clone();
+        let blobs = context.blobs.clone();
         Self {
             queue: Arc::new(Mutex::new(queue)),
             committer: Committer::without_thread(blobs, log, Arc::clone(&ledger)),
             ledger,
-            surroundings,
+            context,
             clock,
         }
     }
@@ -134,7 +134,7 @@ impl LocalBoard {
     /// Wakes those who wait for a lease when there may be one, or never will be again.
     fn after(&self, queue: &Queue, changes: &Changes) {
         if changes.offer_work() || queue.is_finished() {
-            self.surroundings.work.notify_waiters();
+            self.context.work.notify_waiters();
         }
     }
 
@@ -142,7 +142,7 @@ impl LocalBoard {
     async fn operate(
         &self,
         change: impl FnOnce(&mut Queue, Duration) -> Changes + Send,
-    ) -> Result<Changes, BoardError> {
+    ) -> Result<Changes, JobStoreError> {
         let (changes, pending) = {
             let mut queue = self.lock();
             let changes = change(&mut queue, self.now());
@@ -160,23 +160,23 @@ impl LocalBoard {
 }
 
 #[async_trait::async_trait]
-impl Board for LocalBoard {
-    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), BoardError> {
+impl JobStore for LocalJobStore {
+    async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError> {
         let mut queue = self.lock();
         queue.admit(worker, name);
         // A worker of another name may be what a second rendering waits for.
-        self.surroundings.work.notify_waiters();
+        self.context.work.notify_waiters();
         let overview = overview(&queue);
         drop(queue);
-        self.surroundings.tell(overview);
+        self.context.publish(overview);
         Ok(())
     }
 
-    async fn name(&self, worker: WorkerId) -> Result<Option<String>, BoardError> {
+    async fn name(&self, worker: WorkerId) -> Result<Option<String>, JobStoreError> {
         Ok(self.lock().name(worker).map(str::to_owned))
     }
 
-    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), BoardError> {
+    async fn dismiss(&self, workers: &[WorkerId]) -> Result<(), JobStoreError> {
         let mut queue = self.lock();
         for worker in workers {
             if !queue.holds(*worker) {
@@ -185,11 +185,11 @@ impl Board for LocalBoard {
         }
         let overview = overview(&queue);
         drop(queue);
-        self.surroundings.tell(overview);
+        self.context.publish(overview);
         Ok(())
     }
 
-    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, BoardError> {
+    async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError> {
         let (leased, pending) = {
             let mut queue = self.lock();
             let finished = queue.is_finished();
@@ -219,7 +219,7 @@ impl Board for LocalBoard {
         Ok(leased)
     }
 
-    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, BoardError> {
+    async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, JobStoreError> {
         let mut queue = self.lock();
         let now = self.now();
         let renewed = renewals.iter().map(|renewal| {
@@ -238,13 +238,13 @@ impl Board for LocalBoard {
         material: u32,
         token: Token,
         fingerprint: Digest,
-    ) -> Result<Standing, BoardError> {
+    ) -> Result<Standing, JobStoreError> {
         Ok(self.lock().standing(material, token, fingerprint)?)
     }
 
     // Even where nothing changes something is submitted: the first of two equal completions may
     // still be on its way to the disk, and the second has to wait for it.
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, BoardError> {
+    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
         let Delivery {
             token,
             mut completion,
@@ -253,7 +253,7 @@ impl Board for LocalBoard {
         let material = completion.material;
         let fingerprint = completion.fingerprint();
         if self.lock().would_record(material, token, fingerprint) {
-            let images = self.surroundings.staging().begin_publishing(&completion);
+            let images = self.context.staging().begin_publishing(&completion);
             if !images.is_empty() {
                 self.committer.publish(images).durable().await?;
             }
@@ -269,11 +269,11 @@ impl Board for LocalBoard {
             };
             if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder)
             {
-                let mut staging = self.surroundings.staging();
+                let mut staging = self.context.staging();
                 staging.forget_published(&completion);
                 transition.images = staging.begin_publishing(&completion);
                 drop(staging);
-                let received = &self.surroundings.bytes_received;
+                let received = &self.context.bytes_received;
                 received.fetch_add(completion.bytes(), Ordering::Relaxed);
                 completion.worker.clone_from(&holder.name);
                 transition.completion = Some(completion);
@@ -291,13 +291,18 @@ impl Board for LocalBoard {
         Ok(judged)
     }
 
-    async fn fail(&self, material: u32, token: Token, error: &str) -> Result<Failed, BoardError> {
+    async fn fail(
+        &self,
+        material: u32,
+        token: Token,
+        error: &str,
+    ) -> Result<Failed, JobStoreError> {
         let (failed, pending) = {
             let mut queue = self.lock();
             let holder = queue.holder(material);
             let worker = holder.map(|holder| holder.name.clone());
             let changes = queue.fail(material, token, error, self.now())?;
-            self.surroundings.failures.fetch_add(1, Ordering::Relaxed);
+            self.context.failures.fetch_add(1, Ordering::Relaxed);
             let pending = self.submit(&changes);
             self.after(&queue, &changes);
             let failed = Failed {
@@ -312,7 +317,7 @@ impl Board for LocalBoard {
         Ok(failed)
     }
 
-    async fn release(&self, worker: WorkerId) -> Result<Changes, BoardError> {
+    async fn release(&self, worker: WorkerId) -> Result<Changes, JobStoreError> {
         let (changes, pending) = {
             let mut queue = self.lock();
             let changes = queue.release(worker, self.now());
@@ -321,7 +326,7 @@ impl Board for LocalBoard {
             self.after(&queue, &changes);
             let overview = overview(&queue);
             drop(queue);
-            self.surroundings.tell(overview);
+            self.context.publish(overview);
             (changes, pending)
         };
         if let Some(pending) = pending {
@@ -330,16 +335,16 @@ impl Board for LocalBoard {
         Ok(changes)
     }
 
-    async fn release_all(&self) -> Result<Changes, BoardError> {
+    async fn release_all(&self) -> Result<Changes, JobStoreError> {
         self.operate(Queue::release_all).await
     }
 
-    async fn expire(&self) -> Result<Expired, BoardError> {
+    async fn expire(&self) -> Result<Expired, JobStoreError> {
         let (expired, pending) = {
             let mut queue = self.lock();
             let now = self.now();
             let (changes, lost) = queue.expire(now);
-            let lost_count = &self.surroundings.leases_lost;
+            let lost_count = &self.context.leases_lost;
             lost_count.fetch_add(lost.len() as u64, Ordering::Relaxed);
             let pending = self.submit(&changes);
             self.after(&queue, &changes);
@@ -357,7 +362,11 @@ impl Board for LocalBoard {
         Ok(expired)
     }
 
-    async fn order(&self, order: JobsOrder, selection: &Selection) -> Result<Changes, BoardError> {
+    async fn order(
+        &self,
+        order: JobsOrder,
+        selection: &Selection,
+    ) -> Result<Changes, JobStoreError> {
         self.operate(|queue, now| {
             let materials = queue.selected(selection);
             match order {
@@ -369,7 +378,7 @@ impl Board for LocalBoard {
         .await
     }
 
-    async fn set_mode(&self, mode: Mode) -> Result<Changes, BoardError> {
+    async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError> {
         self.operate(|queue, _| queue.set_mode(mode)).await
     }
 
@@ -378,12 +387,12 @@ impl Board for LocalBoard {
         name: &str,
         cause: BarCause,
         reason: String,
-    ) -> Result<Changes, BoardError> {
+    ) -> Result<Changes, JobStoreError> {
         self.operate(|queue, now| queue.bar(name, cause, reason, now))
             .await
     }
 
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, BoardError> {
+    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
         let changes = self.operate(|queue, _| Changes {
             workers: queue.unbar(name).into_iter().collect(),
             ..Changes::default()
@@ -396,7 +405,7 @@ impl Board for LocalBoard {
         from: u32,
         jobs_max: usize,
         selection: &Selection,
-    ) -> Result<JobsPage, BoardError> {
+    ) -> Result<JobsPage, JobStoreError> {
         let queue = self.lock();
         let mut page = JobsPage::default();
         for (material, job) in queue.jobs_from(from) {
@@ -413,11 +422,11 @@ impl Board for LocalBoard {
         Ok(page)
     }
 
-    async fn crew(&self) -> Result<Crew, BoardError> {
+    async fn workers(&self) -> Result<Workers, JobStoreError> {
         let queue = self.lock();
         let records = queue.worker_records();
         let sessions = queue.sessions();
-        Ok(Crew {
+        Ok(Workers {
             records: records
                 .map(|(name, record)| (name.to_owned(), record.clone()))
                 .collect(),
@@ -431,7 +440,7 @@ impl Board for LocalBoard {
         })
     }
 
-    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, BoardError> {
+    async fn places(&self, digests: &[Digest]) -> Result<Vec<Option<BlobPlace>>, JobStoreError> {
         let ledger = Arc::clone(&self.ledger);
         let digests = digests.to_vec();
         let places = task::spawn_blocking(move || {
@@ -440,21 +449,21 @@ impl Board for LocalBoard {
         });
         match places.await {
             Ok(places) => Ok(places?),
-            Err(_) => Err(BoardError::Interrupted),
+            Err(_) => Err(JobStoreError::Interrupted),
         }
     }
 
-    async fn contents(&self) -> Result<Changes, BoardError> {
+    async fn contents(&self) -> Result<Changes, JobStoreError> {
         Ok(self.ledger.contents()?)
     }
 
-    async fn look(&self) -> Result<(), BoardError> {
+    async fn publish_overview(&self) -> Result<(), JobStoreError> {
         let overview = overview(&self.lock());
-        self.surroundings.tell(overview);
+        self.context.publish(overview);
         Ok(())
     }
 
-    async fn settled(&self) -> Result<(), BoardError> {
+    async fn settled(&self) -> Result<(), JobStoreError> {
         let nothing = self.committer.submit(Transition::default());
         Ok(nothing.durable().await?)
     }

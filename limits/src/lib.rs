@@ -1,5 +1,5 @@
-//! Every limit of the farm, with its unit: the coordinator's here, what both sides of the protocol keep
-//! in [`protocol`], a worker's in [`worker`].
+//! Every limit of the farm, with its unit: the coordinator's here, what both sides of the protocol
+//! keep in [`protocol`], a worker's in [`worker`].
 
 pub mod protocol;
 pub mod worker;
@@ -76,7 +76,8 @@ pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 /// How long an accepted image waits for its completion before it is dropped.
 pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
 
-/// For how many lifetimes of a lease a URL for an upload is good; asked for again, there is another.
+/// For how many lifetimes of a lease a URL for an upload is good; asked for again, there is
+/// another.
 pub const UPLOAD_URL_LEASES: u32 = 15;
 
 /// Images that are checked and written at one time, however many cores there are; with the largest

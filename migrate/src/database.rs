@@ -1,17 +1,17 @@
 //! A store in a database that holds still.
 
-use super::{Crew, Entry, MigrationError, PAGE_JOBS, Page, Still};
+use super::{Entry, FrozenStore, KeptFarm, MigrationError, PAGE_JOBS, Page};
 use dataset::Specification;
 use datastore::{BlobsPlace, SharedStore, SharedStoreError, StoreName, shared};
 use imagestore::blobs::Blobs;
-use jobstore_postgres::{Live, Upkeep};
+use jobstore_postgres::{Live, MaintenanceSession};
 use std::fs::File;
 use tokio::runtime::Runtime;
 
 pub struct Database {
     name: StoreName,
     blobs: Blobs,
-    upkeep: Upkeep,
+    maintenance: MaintenanceSession,
     // Held for as long as images may be staged.
     _staging_lock: Option<File>,
     // The last to go: the connection ends on it.
@@ -23,13 +23,13 @@ impl Database {
     pub fn source(url: &str) -> Result<(Self, Specification, BlobsPlace), MigrationError> {
         let name = StoreName::Database(url.to_owned());
         let runtime = shared::waiting_runtime()?;
-        let (specification, place, upkeep, live) = runtime.block_on(async {
-            let (database, specification, place) = shared::look(url).await?;
-            let upkeep = Upkeep::begin(&database).await?;
+        let (specification, place, maintenance, live) = runtime.block_on(async {
+            let (database, specification, place) = shared::snapshot(url).await?;
+            let maintenance = MaintenanceSession::begin(&database).await?;
             let locked = || SharedStoreError::Locked(database.name().to_owned());
-            let mut upkeep = upkeep.ok_or_else(locked)?;
-            let live = upkeep.hold_still().await?;
-            Ok::<_, SharedStoreError>((specification, place, upkeep, live))
+            let mut maintenance = maintenance.ok_or_else(locked)?;
+            let live = maintenance.freeze().await?;
+            Ok::<_, SharedStoreError>((specification, place, maintenance, live))
         })?;
         if live
             != (Live {
@@ -47,7 +47,7 @@ impl Database {
         let database = Self {
             name,
             blobs: place.for_readers()?,
-            upkeep,
+            maintenance,
             _staging_lock: None,
             runtime,
         };
@@ -63,18 +63,18 @@ impl Database {
     ) -> Result<Self, MigrationError> {
         let runtime = shared::waiting_runtime()?;
         let begun = SharedStore::begin_copy(url, specification, blobs, from);
-        let (store, upkeep) = runtime.block_on(begun)?;
+        let (store, maintenance) = runtime.block_on(begun)?;
         Ok(Self {
             name: StoreName::Database(url.to_owned()),
             blobs: store.blobs,
-            upkeep,
+            maintenance,
             _staging_lock: store.staging_lock,
             runtime,
         })
     }
 }
 
-impl Still for Database {
+impl FrozenStore for Database {
     fn name(&self) -> &StoreName {
         &self.name
     }
@@ -84,33 +84,35 @@ impl Still for Database {
     }
 
     fn completed(&mut self) -> Result<u32, MigrationError> {
-        Ok(self.runtime.block_on(self.upkeep.completed())?)
+        Ok(self.runtime.block_on(self.maintenance.completed())?)
     }
 
     fn page(&mut self, from: u32) -> Result<Page, MigrationError> {
         Ok(self
             .runtime
-            .block_on(self.upkeep.entries(from, PAGE_JOBS))?)
+            .block_on(self.maintenance.entries(from, PAGE_JOBS))?)
     }
 
-    fn crew(&mut self) -> Result<Crew, MigrationError> {
-        Ok(self.runtime.block_on(self.upkeep.crew_kept())?)
+    fn farm(&mut self) -> Result<KeptFarm, MigrationError> {
+        Ok(self.runtime.block_on(self.maintenance.kept_farm())?)
     }
 
     fn write(&mut self, entries: &[Entry]) -> Result<(), MigrationError> {
-        Ok(self.runtime.block_on(self.upkeep.write_entries(entries))?)
+        Ok(self
+            .runtime
+            .block_on(self.maintenance.write_entries(entries))?)
     }
 
-    fn write_crew(&mut self, crew: &Crew) -> Result<(), MigrationError> {
-        Ok(self.runtime.block_on(self.upkeep.write_crew(crew))?)
+    fn write_farm(&mut self, farm: &KeptFarm) -> Result<(), MigrationError> {
+        Ok(self.runtime.block_on(self.maintenance.write_farm(farm))?)
     }
 
     // Every page is asked of the server.
-    fn reopen(self: Box<Self>) -> Result<Box<dyn Still>, MigrationError> {
+    fn reopen(self: Box<Self>) -> Result<Box<dyn FrozenStore>, MigrationError> {
         Ok(self)
     }
 
     fn finish(mut self: Box<Self>) -> Result<(), MigrationError> {
-        Ok(self.runtime.block_on(self.upkeep.note_migrated())?)
+        Ok(self.runtime.block_on(self.maintenance.note_migrated())?)
     }
 }

@@ -1,6 +1,6 @@
 //! A store in a folder that holds still.
 
-use super::{Crew, Entry, MigrationError, PAGE_JOBS, Page, Still};
+use super::{Entry, FrozenStore, KeptFarm, MigrationError, PAGE_JOBS, Page};
 use dataset::Specification;
 use datastore::{BlobsPlace, Store, StoreError, StoreName};
 use imagestore::{FileError, blobs::Blobs};
@@ -25,7 +25,7 @@ pub struct Folder {
     logged: Completions,
     // As they were when the ledger was opened.
     jobs: BTreeMap<u32, JobRecord>,
-    crew: Crew,
+    farm: KeptFarm,
     lock: File,
 }
 
@@ -40,7 +40,7 @@ impl Folder {
         };
         let (blobs, state, lock) = store.into_parts();
         let logged = Completions::open(&datastore::log_path(path))?;
-        let (jobs, crew) = sorted(state.kept);
+        let (jobs, farm) = sorted(state.kept);
         let folder = Self {
             name: StoreName::Folder(path.to_owned()),
             path: path.to_owned(),
@@ -50,7 +50,7 @@ impl Folder {
             log: state.log,
             logged,
             jobs,
-            crew,
+            farm,
             lock,
         };
         Ok((folder, specification, place))
@@ -92,7 +92,7 @@ impl Folder {
         lock: File,
     ) -> Result<Self, MigrationError> {
         let (log, logged) = CompletionLog::open(&datastore::log_path(path))?;
-        let (jobs, crew) = sorted(kept);
+        let (jobs, farm) = sorted(kept);
         Ok(Self {
             name: StoreName::Folder(path.to_owned()),
             path: path.to_owned(),
@@ -102,24 +102,24 @@ impl Folder {
             log,
             logged,
             jobs,
-            crew,
+            farm,
             lock,
         })
     }
 }
 
-fn sorted(kept: Changes) -> (BTreeMap<u32, JobRecord>, Crew) {
+fn sorted(kept: Changes) -> (BTreeMap<u32, JobRecord>, KeptFarm) {
     let jobs = kept.jobs.into_iter();
     let workers = kept.workers.into_iter();
     let workers = workers.filter(|worker| worker.record != WorkerRecord::default());
-    let crew = Crew {
+    let farm = KeptFarm {
         workers: workers.map(|worker| (worker.name, worker.record)).collect(),
         mode: kept.mode.unwrap_or_default(),
     };
-    (jobs.map(|job| (job.material, job.record)).collect(), crew)
+    (jobs.map(|job| (job.material, job.record)).collect(), farm)
 }
 
-impl Still for Folder {
+impl FrozenStore for Folder {
     fn name(&self) -> &StoreName {
         &self.name
     }
@@ -151,8 +151,8 @@ impl Still for Folder {
         Ok(Page::new(page, jobs.next().map(|(material, _)| *material)))
     }
 
-    fn crew(&mut self) -> Result<Crew, MigrationError> {
-        Ok(self.crew.clone())
+    fn farm(&mut self) -> Result<KeptFarm, MigrationError> {
+        Ok(self.farm.clone())
     }
 
     // The log, then the ledger, as in every commit.
@@ -187,21 +187,21 @@ impl Still for Folder {
         Ok(self.ledger.sync()?)
     }
 
-    fn write_crew(&mut self, crew: &Crew) -> Result<(), MigrationError> {
-        let workers = crew.workers.iter().map(|(name, record)| WorkerChange {
+    fn write_farm(&mut self, farm: &KeptFarm) -> Result<(), MigrationError> {
+        let workers = farm.workers.iter().map(|(name, record)| WorkerChange {
             name: name.clone(),
             record: record.clone(),
         });
         let changes = Changes {
             workers: workers.collect(),
-            mode: Some(crew.mode),
+            mode: Some(farm.mode),
             ..Changes::default()
         };
         self.ledger.apply(&changes, &[])?;
         Ok(self.ledger.sync()?)
     }
 
-    fn reopen(self: Box<Self>) -> Result<Box<dyn Still>, MigrationError> {
+    fn reopen(self: Box<Self>) -> Result<Box<dyn FrozenStore>, MigrationError> {
         let Self {
             path,
             specification,

@@ -5,14 +5,15 @@
 //! worker arrives as one that waits for one.
 //!
 //! Every image is read, compared with its recorded size and digest, written, and read back from
-//! where it was written to, whatever the place says of it. Jobs follow their images, some at a time;
-//! so a copy that was cut short goes on behind the last of them, and an image that is there without
-//! its job is compared again. In the end all records are read anew on both sides and compared.
+//! where it was written to, whatever the place says of it. Jobs follow their images, some at a
+//! time; so a copy that was cut short goes on behind the last of them, and an image that is there
+//! without its job is compared again. In the end all records are read anew on both sides and
+//! compared.
 //!
-//! Until then the target is half of a store, and says so: in a folder `migration.json` stands beside
-//! what is there, and `specification.json`, which makes a folder a store, comes last; in a database
-//! a column names the source. Nobody opens such a store. The source is never changed, but for what
-//! opening it mends.
+//! Until then the target is half of a store, and says so: in a folder `migration.json` stands
+//! beside what is there, and `specification.json`, which makes a folder a store, comes last; in a
+//! database a column names the source. Nobody opens such a store. The source is never changed, but
+//! for what opening it mends.
 
 mod database;
 mod error;
@@ -27,7 +28,7 @@ use folder::Folder;
 use images::copy_images;
 use imagestore::{FileError, blobs::Blobs};
 use jobqueue::{Completion, WorkerRecord};
-use jobstore::kept::{Crew, Entry, Page};
+use jobstore::kept::{Entry, KeptFarm, Page};
 use records::{Entries, compare, missing};
 use std::{collections::BTreeMap, fs};
 
@@ -60,7 +61,7 @@ pub struct Migrated {
 }
 
 /// A store that holds still: nobody else can change it.
-trait Still {
+trait FrozenStore {
     fn name(&self) -> &StoreName;
 
     fn blobs(&self) -> &Blobs;
@@ -71,16 +72,16 @@ trait Still {
     /// Jobs from one on, as many as fit a page.
     fn page(&mut self, from: u32) -> Result<Page, MigrationError>;
 
-    fn crew(&mut self) -> Result<Crew, MigrationError>;
+    fn farm(&mut self) -> Result<KeptFarm, MigrationError>;
 
     /// Writes records and completions over those that are there, durably. Their images are there.
     fn write(&mut self, entries: &[Entry]) -> Result<(), MigrationError>;
 
     /// The same of workers; one without a history is forgotten.
-    fn write_crew(&mut self, crew: &Crew) -> Result<(), MigrationError>;
+    fn write_farm(&mut self, farm: &KeptFarm) -> Result<(), MigrationError>;
 
     /// Reads anew what was written.
-    fn reopen(self: Box<Self>) -> Result<Box<dyn Still>, MigrationError>;
+    fn reopen(self: Box<Self>) -> Result<Box<dyn FrozenStore>, MigrationError>;
 
     /// Notes that the copy is whole.
     fn finish(self: Box<Self>) -> Result<(), MigrationError>;
@@ -133,9 +134,9 @@ pub fn migrate(
         }
         next = page.next;
     }
-    let crew = source.crew()?;
-    migrated.workers = crew.workers.len() as u64;
-    copy_crew(&crew, target.as_mut())?;
+    let farm = source.farm()?;
+    migrated.workers = farm.workers.len() as u64;
+    copy_farm(&farm, target.as_mut())?;
     let mut target = target.reopen()?;
     compare(source.as_mut(), target.as_mut())?;
     target.finish()?;
@@ -162,10 +163,10 @@ fn is_taken(error: &MigrationError) -> bool {
     matches!(error, CopyError::Taken(_))
 }
 
-/// What was copied, where a store that is there is the whole of this copy: whoever was killed at the
-/// very end, and does not know, is told so.
+/// What was copied, where a store that is there is the whole of this copy: whoever was killed at
+/// the very end, and does not know, is told so.
 fn ended(
-    source: &mut dyn Still,
+    source: &mut dyn FrozenStore,
     to: &StoreName,
     views: u64,
 ) -> Result<Option<Migrated>, MigrationError> {
@@ -178,7 +179,7 @@ fn ended(
     }
     let mut migrated = Migrated {
         materials: source.completed()?.into(),
-        workers: source.crew()?.workers.len() as u64,
+        workers: source.farm()?.workers.len() as u64,
         ..Migrated::default()
     };
     migrated.images = migrated.materials * views;
@@ -199,7 +200,7 @@ fn is_same(given: &BlobsPlace, place: &BlobsPlace) -> bool {
     }
 }
 
-type Source = (Box<dyn Still>, Specification, BlobsPlace);
+type Source = (Box<dyn FrozenStore>, Specification, BlobsPlace);
 
 fn open_source(name: &StoreName) -> Result<Source, MigrationError> {
     match name {
@@ -219,7 +220,7 @@ fn open_target(
     specification: &Specification,
     blobs: Option<&BlobsPlace>,
     from: &str,
-) -> Result<Box<dyn Still>, MigrationError> {
+) -> Result<Box<dyn FrozenStore>, MigrationError> {
     match name {
         StoreName::Folder(path) => Ok(Box::new(Folder::target(path, specification, blobs, from)?)),
         StoreName::Database(url) => {
@@ -239,15 +240,15 @@ fn batch_length(entries: &[Entry]) -> usize {
     fit.count()
 }
 
-fn copy_crew(crew: &Crew, target: &mut dyn Still) -> Result<(), MigrationError> {
-    let there = target.crew()?;
-    if there == *crew {
+fn copy_farm(farm: &KeptFarm, target: &mut dyn FrozenStore) -> Result<(), MigrationError> {
+    let there = target.farm()?;
+    if there == *farm {
         return Ok(());
     }
     let gone = there.workers.into_keys();
-    let gone = gone.filter(|name| !crew.workers.contains_key(name));
-    let mut workers: BTreeMap<String, WorkerRecord> = crew.workers.clone();
+    let gone = gone.filter(|name| !farm.workers.contains_key(name));
+    let mut workers: BTreeMap<String, WorkerRecord> = farm.workers.clone();
     workers.extend(gone.map(|name| (name, WorkerRecord::default())));
-    let mode = crew.mode;
-    target.write_crew(&Crew { workers, mode })
+    let mode = farm.mode;
+    target.write_farm(&KeptFarm { workers, mode })
 }

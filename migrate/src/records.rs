@@ -1,6 +1,6 @@
 //! What is recorded of jobs and workers, without leases, on both sides of a copy.
 
-use super::{Migrated, MigrationError, Still};
+use super::{FrozenStore, Migrated, MigrationError};
 use datastore::StoreName;
 use jobqueue::{JobRecord, JobState};
 use jobstore::kept::{Entry, Page};
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 pub(super) fn missing(
     page: &Page,
     first: u32,
-    target: &mut dyn Still,
+    target: &mut dyn FrozenStore,
     from: &StoreName,
     migrated: &mut Migrated,
 ) -> Result<Vec<Entry>, MigrationError> {
@@ -52,8 +52,8 @@ pub(super) fn missing(
 
 /// Reads all records of both and compares them.
 pub(super) fn compare(
-    source: &mut dyn Still,
-    target: &mut dyn Still,
+    source: &mut dyn FrozenStore,
+    target: &mut dyn FrozenStore,
 ) -> Result<(), MigrationError> {
     let (from, to) = (source.name().clone(), target.name().clone());
     let differs = |what: String| MigrationError::Differs {
@@ -73,7 +73,7 @@ pub(super) fn compare(
             (None, Some(other)) => return Err(differs(format!("material {}", other.material))),
         }
     }
-    if source.crew()? != target.crew()? {
+    if source.farm()? != target.farm()? {
         return Err(differs("workers, or whether work is handed out".to_owned()));
     }
     Ok(())
@@ -81,13 +81,13 @@ pub(super) fn compare(
 
 /// The jobs of a store, page by page.
 pub(super) struct Entries<'a> {
-    store: &'a mut dyn Still,
+    store: &'a mut dyn FrozenStore,
     page: std::vec::IntoIter<Entry>,
     next: Option<u32>,
 }
 
 impl<'a> Entries<'a> {
-    pub fn new(store: &'a mut dyn Still) -> Self {
+    pub fn new(store: &'a mut dyn FrozenStore) -> Self {
         Self {
             store,
             page: Vec::new().into_iter(),

@@ -55,8 +55,8 @@ pub struct Options {
     /// are there]
     #[arg(long, value_name = "LIST")]
     sets: Vec<IndexList>,
-    /// Pixels of the film's longer side. Information grows with the number of pixels: twice the side
-    /// has four times the information and half the bounds
+    /// Pixels of the film's longer side. Information grows with the number of pixels: twice the
+    /// side has four times the information and half the bounds
     #[arg(long, default_value_t = 32, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=i64::from(SIDE_MAX)))]
     side: u32,

@@ -5,7 +5,7 @@ use crate::workplace::Workplace;
 use dataset::{Digest, IMAGE_HEADER_ATTRIBUTE, Specification};
 use datastore::{ReadOnlyStore, Store};
 use exr::prelude::*;
-use imagestore::acceptance::expected_headers;
+use imagestore::validation::expected_headers;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::Cursor;

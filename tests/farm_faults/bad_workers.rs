@@ -3,7 +3,7 @@
 use crate::harness::{Harness, Process, patience, wait_for};
 use dataset::{IMAGE_HEADER_ATTRIBUTE, SampledMaterial, Specification};
 use exr::prelude::*;
-use imagestore::acceptance::decode;
+use imagestore::validation::decode;
 use renderer::geometry::BackendChoice;
 use serde_json::Value;
 use std::env;

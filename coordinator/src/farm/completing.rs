@@ -9,8 +9,8 @@ use bytes::Bytes;
 use dataset::{Digest, ImageHeader};
 use futures_util::future::try_join_all;
 use imagestore::{
-    acceptance::{self, Rejection},
     staging::StagedImage,
+    validation::{self, Rejection},
 };
 use jobqueue::{Completion, Standing, Verdict, token::Token};
 use jobstore::{Delivery, Judged, ledger::BlobPlace};
@@ -34,9 +34,9 @@ pub(crate) struct BroughtImage {
 
 impl Farm {
     /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in by the board. Images that are brought
-    /// along are taken in first, unless the lease is over. `md5s` are those of the views in order,
-    /// where images are in a bucket.
+    /// and is what it should be. Who rendered it is filled in by the job store. Images that are
+    /// brought along are taken in first, unless the lease is over. `md5s` are those of the views in
+    /// order, where images are in a bucket.
     pub async fn complete(
         &self,
         token: Token,
@@ -50,13 +50,16 @@ impl Farm {
         let fingerprint = completion.fingerprint();
         // Held until the ledger says whose the names are.
         let mut uploads = None;
-        let standing = self.board.standing(material, token, fingerprint).await?;
+        let standing = self
+            .job_store
+            .standing(material, token, fingerprint)
+            .await?;
         if standing == Standing::Current {
             let taken_in = brought
                 .into_iter()
                 .map(|image| self.put_blob(image.digest, image.bytes, image.data));
             try_join_all(taken_in).await?;
-            let missing = match self.surroundings.blobs.objects() {
+            let missing = match self.context.blobs.objects() {
                 None => self.missing_images(&completion).await?,
                 Some(objects) => {
                     let settled = self.settle(objects, token, &completion, md5s).await?;
@@ -75,7 +78,7 @@ impl Farm {
             completion,
             check: draw < u64::from(self.checks_per_million),
         };
-        let judged = self.board.complete(delivery).await?;
+        let judged = self.job_store.complete(delivery).await?;
         if let Some(settled) = uploads {
             settled.clear();
         }
@@ -86,7 +89,7 @@ impl Farm {
             let mut state = self.shared.lock();
             let images = self.specification.views.len() as u64;
             state.images_completed.count(images, self.shared.now());
-            state.roster.note_completion(holder.worker);
+            state.presence.note_completion(holder.worker);
         }
         self.tell_judged(material, token, &judged);
         Ok(match judged.verdict {
@@ -102,11 +105,11 @@ impl Farm {
     async fn missing_images(&self, completion: &Completion) -> Result<Vec<Digest>, FarmError> {
         let material = completion.material;
         let headers =
-            acceptance::expected_headers(&self.specification, self.specification_hash, material);
+            validation::expected_headers(&self.specification, self.specification_hash, material);
         let mut unstaged = Vec::new();
         {
             let now = self.shared.now();
-            let mut staging = self.surroundings.staging();
+            let mut staging = self.context.staging();
             for (header, view) in headers.iter().zip(&completion.views) {
                 let Some(image) = staging.touch(&view.digest, now) else {
                     let place = BlobPlace {
@@ -153,7 +156,7 @@ impl Farm {
         if let Some(holder) = &judged.holder {
             event = event.worker(&holder.name).lease(token);
         }
-        self.tell(event);
+        self.emit(event);
         self.tell_troubles(&judged.changes);
     }
 
@@ -191,5 +194,5 @@ fn check_image(image: &StagedImage, bytes: u64, expected: &ImageHeader) -> Resul
             expected: bytes.to_string(),
         });
     }
-    acceptance::check_identity(&image.header, expected)
+    validation::check_identity(&image.header, expected)
 }

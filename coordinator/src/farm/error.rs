@@ -1,16 +1,16 @@
 //! Why an operation of the farm was not done.
 
 use dataset::Digest;
-use imagestore::{FileError, acceptance::Rejection};
+use imagestore::{FileError, validation::Rejection};
 use jobqueue::token::WorkerId;
-use jobstore::BoardError;
+use jobstore::JobStoreError;
 use thiserror::Error;
 
 /// Why an operation was not done.
 #[derive(Debug, Error)]
 pub(crate) enum FarmError {
     #[error(transparent)]
-    Board(#[from] BoardError),
+    JobStore(#[from] JobStoreError),
     #[error("view {view}: {reason}")]
     Image { view: u32, reason: Rejection },
     #[error(transparent)]

@@ -124,7 +124,7 @@ impl Events {
     }
 
     /// Writes an event to the log and sends it to whoever watches.
-    pub fn tell(&self, event: Event) {
+    pub fn emit(&self, event: Event) {
         let Event {
             kind,
             material,

@@ -1,12 +1,13 @@
 //! Taking images in: which are missing, and whether one that comes is accepted.
 
 use super::{Farm, FarmError};
-use crate::hands::Interrupted;
+use crate::upload_slots::Interrupted;
 use dataset::Digest;
 use imagestore::{
-    FileError, acceptance,
+    FileError,
     blobs::Blobs,
     staging::{Stage, StagedImage},
+    validation,
 };
 use jobstore::ledger::BlobPlace;
 use std::{sync::Arc, time::Instant};
@@ -16,7 +17,7 @@ impl Farm {
     /// Which of the digests are neither staged nor in the store.
     pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
         let unstaged: Vec<Digest> = {
-            let staging = self.surroundings.staging();
+            let staging = self.context.staging();
             digests
                 .into_iter()
                 .filter(|digest| !staging.contains(digest))
@@ -37,7 +38,7 @@ impl Farm {
         size: u64,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
-        if self.surroundings.blobs.objects().is_some() {
+        if self.context.blobs.objects().is_some() {
             return Err(FarmError::ByUrl);
         }
         let received = data.as_ref().len() as u64;
@@ -53,14 +54,14 @@ impl Farm {
             )));
         }
         let shared = Arc::clone(&self.shared);
-        let surroundings = Arc::clone(&self.surroundings);
+        let context = Arc::clone(&self.context);
         let film = self.specification.image.clone();
         // What is begun runs to its end even when the caller goes away, so what it reserves it also
         // gives back. Whether the image is in the store already is not looked up: a worker asks
         // before it sends, and a second copy is dropped when it grows old.
         let take_in = move || {
             {
-                let mut staging = surroundings.staging();
+                let mut staging = context.staging();
                 if staging.contains(&digest) {
                     return Ok(());
                 }
@@ -69,11 +70,11 @@ impl Farm {
                 }
             }
             let bytes = data.as_ref();
-            let staged = acceptance::check_digest(bytes, digest)
-                .and_then(|()| acceptance::inspect(bytes, &film))
+            let staged = validation::check_digest(bytes, digest)
+                .and_then(|()| validation::inspect(bytes, &film))
                 .map_err(FarmError::from)
-                .and_then(|header| Ok((header, surroundings.blobs.stage(digest, bytes)?)));
-            let mut staging = surroundings.staging();
+                .and_then(|header| Ok((header, context.blobs.stage(digest, bytes)?)));
+            let mut staging = context.staging();
             match staged {
                 Ok((header, file)) => {
                     let image = StagedImage {
@@ -83,7 +84,7 @@ impl Farm {
                         since: shared.now(),
                         stage: Stage::Waiting,
                     };
-                    staging.insert(image, &surroundings.blobs);
+                    staging.insert(image, &context.blobs);
                     Ok(())
                 }
                 Err(error) => {
@@ -108,12 +109,12 @@ impl Farm {
         if digests.is_empty() {
             return Ok(Vec::new());
         }
-        let places = self.board.places(&digests).await?;
+        let places = self.job_store.places(&digests).await?;
         if places.iter().all(Option::is_none) {
             // Nothing to look for: waking a thread costs as much as a small image.
             return Ok(digests.into_iter().zip(places).collect());
         }
-        let blobs = self.surroundings.blobs.clone();
+        let blobs = self.context.blobs.clone();
         task::spawn_blocking(move || {
             let known: Vec<Digest> = digests
                 .iter()

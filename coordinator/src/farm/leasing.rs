@@ -10,7 +10,7 @@ use jobqueue::{
     Changes, JobState,
     token::{Token, WorkerId},
 };
-use jobstore::{BoardError, Failed, Leased, Renewal};
+use jobstore::{Failed, JobStoreError, Leased, Renewal};
 use limits::protocol::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
 use std::{collections::HashSet, time::Duration};
 use tokio::time::{Instant, timeout_at};
@@ -41,9 +41,9 @@ impl Farm {
             None => WorkerId::from_bytes(random()?),
         };
         self.enroll(worker)?;
-        self.board.admit(worker, &name).await?;
+        self.job_store.admit(worker, &name).await?;
         let event = Event::new(EventKind::Registered).worker(name);
-        self.tell(event.text(format!("as {worker}")));
+        self.emit(event.text(format!("as {worker}")));
         Ok(worker)
     }
 
@@ -62,13 +62,13 @@ impl Farm {
         let name = self.hear_of(worker).await?;
         loop {
             // Listening begins before looking, so that nothing is missed in between.
-            let work = self.surroundings.work.notified();
+            let work = self.context.work.notified();
             tokio::pin!(work);
             work.as_mut().enable();
             if *stopping.borrow() {
                 return Ok(Leased::default());
             }
-            let leased = self.board.claim(worker, &tokens).await?;
+            let leased = self.job_store.claim(worker, &tokens).await?;
             if !leased.jobs.is_empty() {
                 self.metrics.note_leases(leased.jobs.len());
                 self.tell_leased(&name, &leased.jobs);
@@ -95,9 +95,9 @@ impl Farm {
     ) -> Result<Vec<u32>, FarmError> {
         self.shared
             .lock()
-            .roster
+            .presence
             .heard_of(worker, self.shared.now());
-        let renewed = self.board.renew(renewals).await?;
+        let renewed = self.job_store.renew(renewals).await?;
         let lost = renewals.iter().zip(renewed);
         let lost = lost.filter(|(_, renewed)| !renewed);
         Ok(lost.map(|(renewal, _)| renewal.material).collect())
@@ -110,42 +110,42 @@ impl Farm {
         material: u32,
         error: String,
     ) -> Result<bool, FarmError> {
-        let Failed { worker, changes } = self.board.fail(material, token, &error).await?;
+        let Failed { worker, changes } = self.job_store.fail(material, token, &error).await?;
         let event = Event::new(EventKind::Failed).material(material);
-        self.tell(event.worker(worker).lease(token).text(error));
+        self.emit(event.worker(worker).lease(token).text(error));
         Ok(self.tell_troubles(&changes).contains(&material))
     }
 
     /// Lets a worker go; returns how many leases went back.
     pub async fn deregister(&self, worker: WorkerId) -> Result<u32, FarmError> {
-        let name = self.board.name(worker).await?;
-        let changes = self.board.release(worker).await?;
+        let name = self.job_store.name(worker).await?;
+        let changes = self.job_store.release(worker).await?;
         let released = changes.jobs.len() as u32;
         {
             let mut state = self.shared.lock();
-            state.roster.remove(worker);
+            state.presence.remove(worker);
             self.publish(&state);
         }
         if let Some(name) = name {
             let event = Event::new(EventKind::Left).worker(name);
-            self.tell(event.text(format!("handing back {released}")));
+            self.emit(event.text(format!("handing back {released}")));
         }
         Ok(released)
     }
 
     /// Takes back leases that ran out, lifts bars that did, forgets workers that are gone, and
     /// drops images that nobody completed. Returns how long it can be before the next call.
-    pub async fn sweep(&self) -> Result<Duration, BoardError> {
+    pub async fn sweep(&self) -> Result<Duration, JobStoreError> {
         let now = self.shared.now();
         {
-            let blobs = &self.surroundings.blobs;
-            self.surroundings.staging().drop_old(now, blobs);
+            let blobs = &self.context.blobs;
+            self.context.staging().drop_old(now, blobs);
         }
-        let expired = self.board.expire().await?;
+        let expired = self.job_store.expire().await?;
         self.forget_absent(now).await?;
         for lease in expired.lost {
             let event = Event::new(EventKind::LeaseLost).material(lease.material);
-            self.tell(event.worker(lease.holder.name).lease(lease.holder.token));
+            self.emit(event.worker(lease.holder.name).lease(lease.holder.token));
         }
         self.tell_troubles(&expired.changes);
         // Leases that are handed out during the pause run out no sooner than this.
@@ -154,13 +154,13 @@ impl Farm {
     }
 
     /// Forgets workers that were not heard of for long and hold nothing.
-    async fn forget_absent(&self, now: Duration) -> Result<(), BoardError> {
-        let absent = self.shared.lock().roster.absent(now);
+    async fn forget_absent(&self, now: Duration) -> Result<(), JobStoreError> {
+        let absent = self.shared.lock().presence.absent(now);
         if absent.is_empty() {
             return Ok(());
         }
-        let crew = self.board.crew().await?;
-        let holding = crew.sessions.iter().filter(|session| session.held > 0);
+        let workers = self.job_store.workers().await?;
+        let holding = workers.sessions.iter().filter(|session| session.held > 0);
         let holding: HashSet<WorkerId> = holding.map(|session| session.worker).collect();
         let idle = absent
             .into_iter()
@@ -172,17 +172,17 @@ impl Farm {
         {
             let mut state = self.shared.lock();
             for worker in &idle {
-                state.roster.remove(*worker);
+                state.presence.remove(*worker);
             }
         }
-        self.board.dismiss(&idle).await
+        self.job_store.dismiss(&idle).await
     }
 
     /// Notes that a worker called; returns its name.
     async fn hear_of(&self, worker: WorkerId) -> Result<String, FarmError> {
         let now = self.shared.now();
-        let known = self.shared.lock().roster.heard_of(worker, now);
-        let name = self.board.name(worker).await?;
+        let known = self.shared.lock().presence.heard_of(worker, now);
+        let name = self.job_store.name(worker).await?;
         let name = name.ok_or(FarmError::UnknownWorker(worker))?;
         if !known {
             self.enroll(worker)?;
@@ -193,7 +193,7 @@ impl Farm {
     fn enroll(&self, worker: WorkerId) -> Result<(), FarmError> {
         let mut state = self.shared.lock();
         let now = self.shared.now();
-        if !state.roster.register(worker, now) {
+        if !state.presence.register(worker, now) {
             return Err(FarmError::TooManyWorkers(limits::WORKERS_MAX));
         }
         self.publish(&state);
@@ -203,7 +203,7 @@ impl Farm {
     fn tell_leased(&self, name: &str, jobs: &[(Token, u32)]) {
         for (token, material) in jobs {
             let event = Event::new(EventKind::Leased).material(*material);
-            self.tell(event.worker(name).lease(token));
+            self.emit(event.worker(name).lease(token));
         }
     }
 
@@ -213,13 +213,13 @@ impl Farm {
         for change in &changes.jobs {
             if change.record.state == JobState::SetAside {
                 set_aside.push(change.material);
-                self.tell(Event::new(EventKind::SetAside).material(change.material));
+                self.emit(Event::new(EventKind::SetAside).material(change.material));
             }
         }
         for change in &changes.workers {
             if let Some(bar) = &change.record.bar {
                 let event = Event::new(EventKind::Barred).worker(&change.name);
-                self.tell(event.text(&bar.reason));
+                self.emit(event.text(&bar.reason));
             }
         }
         set_aside

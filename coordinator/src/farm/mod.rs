@@ -1,8 +1,8 @@
 //! What a coordinator does, without the network: one operation a call of the protocol.
 //!
-//! Jobs are the board's. What is kept here is of this process alone: who called lately, images that
-//! wait for their completion, figures. It is behind locks that are held for microseconds and never
-//! over a wait.
+//! Jobs are the job store's. What is kept here is of this process alone: who called lately, images
+//! that wait for their completion, figures. It is behind locks that are held for microseconds and
+//! never over a wait.
 
 mod completing;
 mod error;
@@ -19,15 +19,16 @@ pub(crate) use operating::WorkerReport;
 pub(crate) use uploads::Md5;
 
 use crate::{
-    hands::Hands, metrics::Metrics, options::Options, rate::Rate, report::Progress, roster::Roster,
+    metrics::Metrics, options::Options, presence::Presence, rate::Rate, report::Progress,
+    upload_slots::UploadSlots,
 };
 use dataset::{Digest, Specification};
 use datastore::{AnyStore, SharedStore, Store};
 use events::Events;
 use imagestore::blobs::Blobs;
 use jobqueue::{Policy, Queue, Selection, Stage};
-use jobstore::{Board, BoardError, JobsOrder, LocalBoard, Overview, Surroundings};
-use jobstore_postgres::{PostgresBoard, Presence};
+use jobstore::{JobStore, JobStoreContext, JobStoreError, JobsOrder, LocalJobStore, Overview};
+use jobstore_postgres::{PostgresJobStore, PresenceLimits};
 use std::{
     collections::HashSet,
     fs::File,
@@ -40,7 +41,7 @@ use tokio::{sync::watch, time::Instant};
 
 struct State {
     overview: Overview,
-    roster: Roster,
+    presence: Presence,
     // Of the images of completed materials at the start.
     bytes_before: u64,
     images_completed: Rate,
@@ -62,9 +63,9 @@ pub(crate) struct Farm {
     pub specification_hash: Digest,
     pub policy: Policy,
     shared: Arc<Shared>,
-    board: Arc<dyn Board>,
-    surroundings: Arc<Surroundings>,
-    uploads: Hands,
+    job_store: Arc<dyn JobStore>,
+    context: Arc<JobStoreContext>,
+    uploads: UploadSlots,
     checks_per_million: u32,
     metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
@@ -80,17 +81,17 @@ impl Shared {
         self.started.elapsed()
     }
 
-    fn publish(&self, state: &State, surroundings: &Surroundings) {
+    fn publish(&self, state: &State, context: &JobStoreContext) {
         let Overview {
             counts, finished, ..
         } = state.overview;
         self.progress.send_replace(Progress {
             counts,
             images: u64::from(counts.completed) * self.views,
-            bytes_received: surroundings.bytes_received.load(Ordering::Relaxed),
-            workers: state.roster.present(self.now()),
-            failures: surroundings.failures.load(Ordering::Relaxed),
-            leases_lost: surroundings.leases_lost.load(Ordering::Relaxed),
+            bytes_received: context.bytes_received.load(Ordering::Relaxed),
+            workers: state.presence.present(self.now()),
+            failures: context.failures.load(Ordering::Relaxed),
+            leases_lost: context.leases_lost.load(Ordering::Relaxed),
             finished,
         });
     }
@@ -108,7 +109,7 @@ impl Farm {
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
                 overview: Overview::default(),
-                roster: Roster::default(),
+                presence: Presence::default(),
                 bytes_before: 0,
                 images_completed: Rate::default(),
                 settling: HashSet::new(),
@@ -118,18 +119,18 @@ impl Farm {
             views: specification.views.len() as u64,
             started: Instant::now(),
         });
-        let (board, surroundings, lock) = match store {
-            AnyStore::Own(store) => own_board(*store, options, &metrics, &shared).await?,
-            AnyStore::Shared(store) => shared_board(*store, options, &metrics, &shared).await?,
+        let (job_store, context, lock) = match store {
+            AnyStore::Own(store) => own_job_store(*store, options, &metrics, &shared).await?,
+            AnyStore::Shared(store) => shared_job_store(*store, options, &metrics, &shared).await?,
         };
         let farm = Self {
             specification_hash: specification.hash(),
             specification,
             policy: options.policy,
             shared,
-            board,
-            surroundings,
-            uploads: Hands::new(uploads_at_once()),
+            job_store,
+            context,
+            uploads: UploadSlots::new(uploads_at_once()),
             checks_per_million: options.checks_per_million,
             metrics,
             stopping,
@@ -142,25 +143,25 @@ impl Farm {
     }
 
     pub fn failure(&self) -> watch::Receiver<Option<String>> {
-        self.board.failure()
+        self.job_store.failure()
     }
 
     /// Waits until all that happened so far is durable.
-    pub async fn settled(&self) -> Result<(), BoardError> {
-        self.board.settled().await
+    pub async fn settled(&self) -> Result<(), JobStoreError> {
+        self.job_store.settled().await
     }
 
     /// Ends when everything under way is durable. Blocks.
     pub fn close(&self) {
-        self.board.close();
+        self.job_store.close();
     }
 
     fn publish(&self, state: &State) {
-        self.shared.publish(state, &self.surroundings);
+        self.shared.publish(state, &self.context);
     }
 
-    fn tell(&self, event: Event) {
-        self.shared.events.tell(event);
+    fn emit(&self, event: Event) {
+        self.shared.events.emit(event);
     }
 }
 
@@ -171,10 +172,10 @@ fn uploads_at_once() -> usize {
     cores.clamp(2, limits::UPLOADS_AT_ONCE_MAX)
 }
 
-/// A board, what it shares with its farm, and the lock of its store.
-type Opened = (Arc<dyn Board>, Arc<Surroundings>, Option<File>);
+/// A job store, what it shares with its farm, and the lock of its store.
+type Opened = (Arc<dyn JobStore>, Arc<JobStoreContext>, Option<File>);
 
-async fn own_board(
+async fn own_job_store(
     store: Store,
     options: &Options,
     metrics: &Arc<Metrics>,
@@ -184,47 +185,47 @@ async fn own_board(
     let (blobs, recovered, lock) = store.into_parts();
     queue.restore(recovered.kept, Duration::ZERO);
     shared.lock().bytes_before = recovered.image_bytes;
-    let surroundings = surroundings(blobs, shared);
+    let context = context(blobs, shared);
     let started = shared.started;
-    let board = LocalBoard::start(
+    let job_store = LocalJobStore::start(
         queue,
         recovered.log,
         Arc::new(recovered.ledger),
         Arc::<Metrics>::clone(metrics),
-        Arc::clone(&surroundings),
+        Arc::clone(&context),
         Box::new(move || started.elapsed()),
     )?;
     if options.retry_set_aside {
         let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
-        board.order(JobsOrder::Retry, &set_aside).await?;
+        job_store.order(JobsOrder::Retry, &set_aside).await?;
     }
     if !options.keep_leases {
-        board.release_all().await?;
+        job_store.release_all().await?;
     }
-    Ok((Arc::new(board), surroundings, Some(lock)))
+    Ok((Arc::new(job_store), context, Some(lock)))
 }
 
-async fn shared_board(
+async fn shared_job_store(
     store: SharedStore,
     options: &Options,
     metrics: &Arc<Metrics>,
     shared: &Arc<Shared>,
 ) -> Result<Opened, FarmError> {
-    let surroundings = surroundings(store.blobs, shared);
-    let board = PostgresBoard::new(
+    let context = context(store.blobs, shared);
+    let job_store = PostgresJobStore::new(
         store.database,
         options.policy,
-        Presence::default(),
+        PresenceLimits::default(),
         Arc::<Metrics>::clone(metrics),
-        Arc::clone(&surroundings),
+        Arc::clone(&context),
     );
-    board.look().await?;
-    Ok((Arc::new(board), surroundings, store.staging_lock))
+    job_store.publish_overview().await?;
+    Ok((Arc::new(job_store), context, store.staging_lock))
 }
 
-fn surroundings(blobs: Blobs, shared: &Arc<Shared>) -> Arc<Surroundings> {
+fn context(blobs: Blobs, shared: &Arc<Shared>) -> Arc<JobStoreContext> {
     let told = Arc::clone(shared);
-    Arc::new(Surroundings::new(blobs, move |around, overview| {
+    Arc::new(JobStoreContext::new(blobs, move |around, overview| {
         let mut state = told.lock();
         state.overview = overview;
         told.publish(&state, around);

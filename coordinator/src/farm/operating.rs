@@ -5,10 +5,10 @@ use super::{
     events::{Event, EventKind},
     images::blobs_away,
 };
-use crate::{report::Report, roster::is_present};
+use crate::{presence::is_present, report::Report};
 use dataset::Digest;
 use jobqueue::{BarCause, Mode, Selection, Stage, WorkerRecord};
-use jobstore::{JobsOrder, JobsPage, ledger::BlobPlace};
+use jobstore::{JobsOrder, JobsPage, Workers, ledger::BlobPlace};
 use limits::protocol::{EVENT_READERS_MAX, SET_ASIDE_LISTED_MAX, WORKERS_LISTED_MAX};
 use std::{collections::BTreeMap, time::Duration};
 use tokio::{sync::broadcast, task};
@@ -41,14 +41,14 @@ impl Farm {
 
     /// The same, with the jobs as they stand at this moment.
     pub async fn fresh_report(&self) -> Result<Report, FarmError> {
-        self.board.look().await?;
+        self.job_store.publish_overview().await?;
         Ok(self.report())
     }
 
     /// What Prometheus is told.
     pub fn metrics_text(&self) -> String {
         let report = self.report();
-        let free = self.surroundings.blobs.free_bytes().unwrap_or(0);
+        let free = self.context.blobs.free_bytes().unwrap_or(0);
         self.metrics.text(&report, free)
     }
 
@@ -71,7 +71,7 @@ impl Farm {
         jobs_max: usize,
         selection: &Selection,
     ) -> Result<JobsPage, FarmError> {
-        Ok(self.board.jobs(from, jobs_max, selection).await?)
+        Ok(self.job_store.jobs(from, jobs_max, selection).await?)
     }
 
     /// Does one thing to all jobs of a selection; returns those that it changed.
@@ -80,21 +80,21 @@ impl Farm {
         order: JobsOrder,
         selection: &Selection,
     ) -> Result<Vec<u32>, FarmError> {
-        let changes = self.board.order(order, selection).await?;
+        let changes = self.job_store.order(order, selection).await?;
         let (kind, text) = match order {
             JobsOrder::Retry => (EventKind::Retried, String::new()),
             JobsOrder::Cancel => (EventKind::Cancelled, String::new()),
             JobsOrder::Prioritize(priority) => (EventKind::Prioritized, format!("to {priority}")),
         };
         for change in &changes.jobs {
-            self.tell(Event::new(kind).material(change.material).text(&text));
+            self.emit(Event::new(kind).material(change.material).text(&text));
         }
         Ok(changes.jobs.iter().map(|change| change.material).collect())
     }
 
     /// Hands out work or not. True when it was so before.
     pub async fn set_mode(&self, mode: Mode) -> Result<bool, FarmError> {
-        let changes = self.board.set_mode(mode).await?;
+        let changes = self.job_store.set_mode(mode).await?;
         let changed = changes.mode.is_some();
         if changed {
             let text = match mode {
@@ -102,38 +102,38 @@ impl Farm {
                 Mode::Paused => "paused",
                 Mode::Draining => "draining",
             };
-            self.tell(Event::new(EventKind::Mode).text(text));
+            self.emit(Event::new(EventKind::Mode).text(text));
         }
         Ok(!changed)
     }
 
     /// Gives a worker no more work. Returns how many leases were taken back.
     pub async fn bar(&self, name: &str, reason: String) -> Result<u32, FarmError> {
-        let changes = self.board.bar(name, BarCause::Operator, reason).await?;
+        let changes = self.job_store.bar(name, BarCause::Operator, reason).await?;
         self.tell_troubles(&changes);
         Ok(changes.jobs.len() as u32)
     }
 
     pub async fn unbar(&self, name: &str) -> Result<(), FarmError> {
-        if self.board.unbar(name).await?.is_none() {
+        if self.job_store.unbar(name).await?.is_none() {
             return Err(FarmError::NotBarred(name.to_owned()));
         }
-        self.tell(Event::new(EventKind::Unbarred).worker(name));
+        self.emit(Event::new(EventKind::Unbarred).worker(name));
         Ok(())
     }
 
     /// Workers by name, those that are there before those that only have a history.
     pub async fn workers(&self) -> Result<Vec<(String, WorkerReport)>, FarmError> {
-        let crew = self.board.crew().await?;
+        let Workers { records, sessions } = self.job_store.workers().await?;
         let mut workers: BTreeMap<String, WorkerReport> = BTreeMap::new();
         {
             let state = self.shared.lock();
             let now = self.shared.now();
-            for session in crew.sessions {
+            for session in sessions {
                 let report = workers.entry(session.name).or_default();
                 report.leases += session.held;
                 // Another coordinator of this dataset may be the one that it calls.
-                let Some(member) = state.roster.member(session.worker) else {
+                let Some(member) = state.presence.member(session.worker) else {
                     report.sessions += 1;
                     continue;
                 };
@@ -143,7 +143,7 @@ impl Farm {
                 report.silent = Some(report.silent.map_or(silent, |other| other.min(silent)));
             }
         }
-        for (name, record) in crew.records {
+        for (name, record) in records {
             workers.entry(name).or_default().record = record;
         }
         let mut workers: Vec<(String, WorkerReport)> = workers.into_iter().collect();
@@ -162,11 +162,11 @@ impl Farm {
 
     /// An image of a completed material.
     pub async fn blob(&self, digest: Digest) -> Result<Vec<u8>, FarmError> {
-        let place = self.board.places(&[digest]).await?.pop().flatten();
+        let place = self.job_store.places(&[digest]).await?.pop().flatten();
         let Some(BlobPlace { bytes, .. }) = place else {
             return Err(FarmError::UnknownBlob(digest));
         };
-        let blobs = self.surroundings.blobs.clone();
+        let blobs = self.context.blobs.clone();
         let read = task::spawn_blocking(move || {
             let size = blobs.size(&digest);
             if size.map_err(|error| blobs_away(&blobs, error))? != Some(bytes) {

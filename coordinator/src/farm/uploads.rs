@@ -16,17 +16,17 @@
 //! has other bytes than this worker's, is contested: then, and only then, the coordinator reads the
 //! upload, and it gets the name only as a whole and sound image of this very material and view.
 //!
-//! A kill between the steps leaves uploads, or objects that nothing names: the same worker completes
-//! them, somebody renders them again, or `gc` removes them.
+//! A kill between the steps leaves uploads, or objects that nothing names: the same worker
+//! completes them, somebody renders them again, or `gc` removes them.
 
 use super::{Farm, FarmError, Shared};
 use dataset::{Digest, ImageHeader, blob_path, specification::Image};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use imagestore::{
     FileError,
-    acceptance::{self, Rejection},
     blobs::{Objects, staging_key},
     bucket::{Bucket, REQUESTS_AT_ONCE, UploadUrl},
+    validation::{self, Rejection},
 };
 use jobqueue::{Completion, token::Token};
 use jobstore::ledger::BlobPlace;
@@ -74,7 +74,7 @@ enum Settling {
 impl Farm {
     /// Whether images go to a bucket and not through here.
     pub fn takes_uploads_by_url(&self) -> bool {
-        self.surroundings.blobs.objects().is_some()
+        self.context.blobs.objects().is_some()
     }
 
     /// URLs for images of a material, in the order asked, for whoever has its lease.
@@ -84,12 +84,12 @@ impl Farm {
         material: u32,
         uploads: &[(Digest, Md5)],
     ) -> Result<Vec<UploadUrl>, FarmError> {
-        let Some(objects) = self.surroundings.blobs.objects() else {
+        let Some(objects) = self.context.blobs.objects() else {
             return Err(FarmError::NotByUrl);
         };
         // No completion has this fingerprint: only whoever has the lease is told where it stands.
         let none = Digest::of(&[]);
-        self.board.standing(material, token, none).await?;
+        self.job_store.standing(material, token, none).await?;
         let valid = self.policy.lease * limits::UPLOAD_URL_LEASES;
         let lease = lease_name(token);
         let bucket = objects.bucket().clone();
@@ -118,7 +118,7 @@ impl Farm {
     ) -> Result<Settled, FarmError> {
         let digests: Vec<Digest> = completion.views.iter().map(|view| view.digest).collect();
         let settling = Exclusive::new(&self.shared, digests.clone())?;
-        let known = self.board.places(&digests).await?;
+        let known = self.job_store.places(&digests).await?;
         let claims = self.claims(objects, token, completion, md5s, known)?;
         let bucket = objects.bucket().clone();
         let settled = objects.bucket().run(async move {
@@ -156,7 +156,7 @@ impl Farm {
     ) -> Result<Vec<Claim>, FarmError> {
         let material = completion.material;
         let headers =
-            acceptance::expected_headers(&self.specification, self.specification_hash, material);
+            validation::expected_headers(&self.specification, self.specification_hash, material);
         let lease = lease_name(token);
         let views = completion.views.iter().zip(md5s).zip(headers).zip(known);
         views
@@ -226,8 +226,8 @@ impl Claim {
         let bytes = read.await.map_err(FarmError::Bucket)?;
         let (digest, film, header) = (self.digest, self.film.clone(), self.header.clone());
         let checked = task::spawn_blocking(move || {
-            acceptance::check_digest(&bytes, digest)?;
-            acceptance::check_identity(&acceptance::inspect(&bytes, &film)?, &header)?;
+            validation::check_digest(&bytes, digest)?;
+            validation::check_identity(&validation::inspect(&bytes, &film)?, &header)?;
             Ok::<_, Rejection>(bytes)
         });
         let checked = checked.await.map_err(|_| FarmError::Interrupted)?;

@@ -4,9 +4,9 @@
 //! | --- | --- |
 //! | `tokens` | which token has which role, compared in constant time |
 //! | `guard` | every call: its role, the memory and the time that its message may take |
-//! | `doorway` | every connection: how many, and how long each may keep silent at first |
+//! | `admission` | every connection: how many, and how long each may keep silent at first |
 
-pub(crate) mod doorway;
+pub(crate) mod admission;
 pub(crate) mod guard;
 mod tokens;
 

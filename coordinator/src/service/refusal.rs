@@ -4,7 +4,7 @@
 use crate::farm::FarmError;
 use imagestore::FileError;
 use jobqueue::Refusal;
-use jobstore::BoardError;
+use jobstore::JobStoreError;
 use limits::protocol::{ERROR_DOMAIN, RETRY_AFTER};
 use std::{collections::HashMap, io};
 use tonic::{Code, Status};
@@ -49,7 +49,7 @@ impl From<FarmError> for Status {
 
 fn kind(error: &FarmError) -> (Code, &'static str) {
     match error {
-        FarmError::Board(error) => board_kind(error),
+        FarmError::JobStore(error) => board_kind(error),
         FarmError::Image { .. } | FarmError::Rejected(_) => {
             (Code::InvalidArgument, "IMAGE_REJECTED")
         }
@@ -71,19 +71,19 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
     }
 }
 
-fn board_kind(error: &BoardError) -> (Code, &'static str) {
+fn board_kind(error: &JobStoreError) -> (Code, &'static str) {
     match error {
-        BoardError::Refused(Refusal::UnknownMaterial(_)) => {
+        JobStoreError::Refused(Refusal::UnknownMaterial(_)) => {
             (Code::InvalidArgument, "UNKNOWN_MATERIAL")
         }
-        BoardError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
-        BoardError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
-        BoardError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
-        BoardError::Unavailable(_) => (Code::Unavailable, "DATABASE_AWAY"),
-        BoardError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
-        BoardError::File(_) => (Code::Internal, "SYSTEM"),
-        BoardError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
-        BoardError::Ledger(_) => (Code::Internal, "SYSTEM"),
+        JobStoreError::Refused(Refusal::LeaseLost(_)) => (Code::FailedPrecondition, "LEASE_LOST"),
+        JobStoreError::Refused(Refusal::Conflict(_)) => (Code::AlreadyExists, "OTHER_IMAGES"),
+        JobStoreError::NotDurable(_) => (Code::Unavailable, "STORE_CLOSED"),
+        JobStoreError::Unavailable(_) => (Code::Unavailable, "DATABASE_AWAY"),
+        JobStoreError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
+        JobStoreError::File(_) => (Code::Internal, "SYSTEM"),
+        JobStoreError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
+        JobStoreError::Ledger(_) => (Code::Internal, "SYSTEM"),
     }
 }
 

@@ -2,11 +2,11 @@
 //! bucket, or in a folder that all of them reach.
 //!
 //! The database says what the dataset is and where its images are. For images in a folder a
-//! coordinator stages uploads in a folder of its own, which it keeps locked; what one that died left
-//! behind is cleared by the next that starts.
+//! coordinator stages uploads in a folder of its own, which it keeps locked; what one that died
+//! left behind is cleared by the next that starts.
 //!
-//! Commands read it as it was at one instant, and beside nobody's way; those that write do so one at
-//! a time (`writing.rs`). They are not asynchronous: what is waited for inside, nobody sees.
+//! Commands read it as it was at one instant, and beside nobody's way; those that write do so one
+//! at a time (`writing.rs`). They are not asynchronous: what is waited for inside, nobody sees.
 
 mod identity;
 mod place;
@@ -22,7 +22,7 @@ use imagestore::{
     blobs::{Blobs, Claimed},
     bucket::BucketUrl,
 };
-use jobstore_postgres::{Database, Identity, Upkeep};
+use jobstore_postgres::{Database, Identity, MaintenanceSession};
 use staging::make_staging;
 use std::{fs::File, path::Path};
 use thiserror::Error;
@@ -30,7 +30,7 @@ use tokio::{runtime, task};
 
 pub use jobstore_postgres::DatabaseError;
 pub use place::BlobsPlace;
-pub use reading::{look, read};
+pub use reading::{read, snapshot};
 pub use writing::SharedWriter;
 
 /// Why a shared store cannot be used.
@@ -176,7 +176,7 @@ impl SharedStore {
     pub async fn open(url: &str) -> Result<Self, SharedStoreError> {
         let database = Database::new(url)?;
         // First without a change: a database that is something else stays what it is.
-        match database.look().await {
+        match database.snapshot().await {
             Err(DatabaseError::Older(_)) => {}
             looked => drop(known(database.name(), looked?)?),
         }
@@ -193,16 +193,16 @@ impl SharedStore {
         specification: &Specification,
         blobs: Option<&BlobsPlace>,
         from: &str,
-    ) -> Result<(Self, Upkeep), SharedStoreError> {
+    ) -> Result<(Self, MaintenanceSession), SharedStoreError> {
         let database = Database::new(url)?;
         let name = database.name().to_owned();
         let given = blobs.map(BlobsPlace::made).transpose()?;
         check_target(&name, database.open().await?.as_ref(), specification, from)?;
-        let upkeep = Upkeep::begin(&database).await?;
-        let mut upkeep = upkeep.ok_or_else(|| SharedStoreError::Locked(name.clone()))?;
-        upkeep.hold_still().await?;
+        let maintenance = MaintenanceSession::begin(&database).await?;
+        let mut maintenance = maintenance.ok_or_else(|| SharedStoreError::Locked(name.clone()))?;
+        maintenance.freeze().await?;
         // Somebody may have had it until now.
-        let kept = database.look().await?;
+        let kept = database.snapshot().await?;
         check_target(&name, kept.as_ref(), specification, from)?;
         let found = kept.map(|kept| kept.blobs.parse::<BlobsPlace>());
         let found = found
@@ -231,8 +231,8 @@ impl SharedStore {
         };
         // A place of somebody else's is refused before the database says that it is this one's.
         let store = Self::in_place(database, specification.clone(), place).await?;
-        upkeep.make(&identity, specification.materials).await?;
-        Ok((store, upkeep))
+        maintenance.make(&identity, specification.materials).await?;
+        Ok((store, maintenance))
     }
 
     async fn in_place(

@@ -21,8 +21,10 @@ pub fn read(
 }
 
 /// What a store in a database is about, and where its images are.
-pub async fn look(url: &str) -> Result<(Database, Specification, BlobsPlace), SharedStoreError> {
+pub async fn snapshot(
+    url: &str,
+) -> Result<(Database, Specification, BlobsPlace), SharedStoreError> {
     let database = Database::new(url)?;
-    let (specification, place) = known(database.name(), database.look().await?)?;
+    let (specification, place) = known(database.name(), database.snapshot().await?)?;
     Ok((database, specification, place))
 }

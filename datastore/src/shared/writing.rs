@@ -8,7 +8,7 @@ use super::{BlobsPlace, SharedStore, SharedStoreError, waiting_runtime};
 use crate::StoreName;
 use dataset::{Digest, Specification};
 use imagestore::blobs::Blobs;
-use jobstore_postgres::{Amendment, Upkeep};
+use jobstore_postgres::{Amendment, MaintenanceSession};
 use tokio::runtime::Runtime;
 
 /// A store in a database, open for writing; no other command has it so. Every call waits, and none
@@ -16,7 +16,7 @@ use tokio::runtime::Runtime;
 pub struct SharedWriter {
     url: String,
     store: SharedStore,
-    upkeep: Upkeep,
+    maintenance: MaintenanceSession,
     // The last to go: connections end on it.
     runtime: Runtime,
 }
@@ -41,12 +41,13 @@ impl SharedWriter {
     }
 
     fn of(url: &str, store: SharedStore, runtime: Runtime) -> Result<Self, SharedStoreError> {
-        let upkeep = runtime.block_on(Upkeep::begin(&store.database))?;
-        let upkeep = upkeep.ok_or_else(|| SharedStoreError::Locked(store.name().to_owned()))?;
+        let maintenance = runtime.block_on(MaintenanceSession::begin(&store.database))?;
+        let maintenance =
+            maintenance.ok_or_else(|| SharedStoreError::Locked(store.name().to_owned()))?;
         Ok(Self {
             url: url.to_owned(),
             store,
-            upkeep,
+            maintenance,
             runtime,
         })
     }
@@ -64,7 +65,7 @@ impl SharedWriter {
 
     /// Records completions whose images are there; of each says whether it was recorded.
     pub fn amend(&mut self, amendments: &[Amendment<'_>]) -> Result<Vec<bool>, SharedStoreError> {
-        Ok(self.runtime.block_on(self.upkeep.amend(amendments))?)
+        Ok(self.runtime.block_on(self.maintenance.amend(amendments))?)
     }
 
     /// Does something while nobody can name an image that is not named now.
@@ -80,7 +81,7 @@ impl SharedWriter {
         &mut self,
         work: impl FnOnce(&Blobs) -> Result<T, E>,
     ) -> Result<T, E> {
-        let excluded = self.runtime.block_on(self.upkeep.exclude());
+        let excluded = self.runtime.block_on(self.maintenance.exclude());
         let done = match excluded.map_err(SharedStoreError::from)? {
             0 => work(&self.store.blobs),
             leases => {
@@ -88,7 +89,7 @@ impl SharedWriter {
                 Err(SharedStoreError::Leased { name, leases }.into())
             }
         };
-        let admitted = self.runtime.block_on(self.upkeep.admit());
+        let admitted = self.runtime.block_on(self.maintenance.admit());
         admitted.map_err(SharedStoreError::from)?;
         done
     }

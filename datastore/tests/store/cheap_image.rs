@@ -6,7 +6,7 @@ use dataset::{
     specification::{Image, Pixel},
 };
 use exr::prelude::{Image as ExrImage, *};
-use imagestore::acceptance::expected_headers;
+use imagestore::validation::expected_headers;
 use std::io::Cursor;
 
 /// How an image is encoded; [`Cheap::new`] is as the renderer does it.

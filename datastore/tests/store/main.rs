@@ -3,10 +3,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
-mod acceptance;
 mod cheap_image;
 mod cheap_renderer;
 mod complete_store;
 mod recovery;
 mod repair;
+mod validation;
 mod verify;

@@ -3,7 +3,7 @@
 use super::{ImportError, Imported, Wanted};
 use dataset::{Digest, Specification};
 use datastore::WritableStore;
-use imagestore::acceptance::{check_digest, check_identity, expected_headers, inspect};
+use imagestore::validation::{check_digest, check_identity, expected_headers, inspect};
 use jobqueue::Completion;
 use std::{
     sync::{Mutex, PoisonError},
@@ -37,8 +37,8 @@ impl Batch {
         self.materials.push((material, images));
     }
 
-    /// Checks all images and makes them durable; leaves the batch empty. What somebody else completed
-    /// meanwhile counts as having been there.
+    /// Checks all images and makes them durable; leaves the batch empty. What somebody else
+    /// completed meanwhile counts as having been there.
     pub fn store(
         &mut self,
         specification: &Specification,

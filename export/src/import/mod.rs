@@ -150,8 +150,8 @@ pub fn import(
     Ok(imported)
 }
 
-/// Reads a manifest and the files of the images that it names, and hands each material's over in the
-/// order of views: what [`import`] does before it compares images with their rows.
+/// Reads a manifest and the files of the images that it names, and hands each material's over in
+/// the order of views: what [`import`] does before it compares images with their rows.
 ///
 /// # Errors
 /// At the first row that is wrong or image that is absent, or when `take` fails.

@@ -84,8 +84,8 @@ pub struct Options {
     pub publication: Publication,
 }
 
-/// Exports a store into a folder or a bucket. `progress` is told, from any thread, how many images are there.
-/// `examples` is the picture that the card shows, a PNG file.
+/// Exports a store into a folder or a bucket. `progress` is told, from any thread, how many images
+/// are there. `examples` is the picture that the card shows, a PNG file.
 ///
 /// # Errors
 /// Refuses a store that is not complete unless `partial`, a folder that holds something else, and a

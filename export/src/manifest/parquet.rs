@@ -1,4 +1,5 @@
-//! Apache Parquet. Units and descriptions are the fields' metadata; the specification is the file's.
+//! Apache Parquet. Units and descriptions are the fields' metadata; the specification is the
+//! file's.
 
 use super::{Manifest, ManifestError, flush};
 use arrow_array::{

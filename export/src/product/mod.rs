@@ -21,7 +21,7 @@ use dataset::{
     specification::{Image, Pixel},
 };
 use datastore::{ImageFault, ReadOnlyStore};
-use imagestore::acceptance::decode;
+use imagestore::validation::decode;
 
 pub use preview::{EXPOSURE_STOPS_MAX, to_srgb8};
 

@@ -1,11 +1,11 @@
 //! A place in a bucket of S3, Google Cloud Storage or Azure, through the crate `object_store`.
 //!
 //! The crate is asynchronous, and most of the store's callers are not: the command's own threads,
-//! those that verify, the blocking pool. The seam is here. Whatever is done with a bucket is done on
-//! one small runtime of this process, made with the first bucket and never dropped:
+//! those that verify, the blocking pool. The seam is here. Whatever is done with a bucket is done
+//! on one small runtime of this process, made with the first bucket and never dropped:
 //! [`Bucket::block_on`] for threads that may block, [`Bucket::run`] for asynchronous callers. So
-//! nobody has to hand a runtime down, connections outlive the runtime of whoever asked first, and
-//! a `Bucket` can be dropped anywhere.
+//! nobody has to hand a runtime down, connections outlive the runtime of whoever asked first, and a
+//! `Bucket` can be dropped anywhere.
 //!
 //! Architecture invariant: nothing here depends on a conditional write, which some servers race.
 

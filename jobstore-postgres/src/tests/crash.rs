@@ -1,9 +1,11 @@
 //! The server is killed during work.
 
-use super::{Presence, assert_tallies, board, delivery, is_unavailable, make, tokens, worker};
+use super::{
+    PresenceLimits, assert_tallies, delivery, is_unavailable, job_store, make, tokens, worker,
+};
 use crate::testing::{Server, client, schema_in};
 use jobqueue::Policy;
-use jobstore::BoardError;
+use jobstore::JobStoreError;
 use std::{
     collections::BTreeSet,
     sync::{Arc, Mutex},
@@ -18,23 +20,28 @@ async fn what_was_acknowledged_survives_the_death_of_the_server() {
         .unwrap();
     let url = schema_in(&server.url(), 0).await;
     make(&url, 100_000).await;
-    let board = board(&url, Policy::default(), Presence::default(), Arc::default());
+    let job_store = job_store(
+        &url,
+        Policy::default(),
+        PresenceLimits::default(),
+        Arc::default(),
+    );
     let acknowledged = Arc::<Mutex<BTreeSet<u32>>>::default();
     let mut working = JoinSet::new();
     for number in 0..4 {
-        let board = Arc::clone(&board);
+        let job_store = Arc::clone(&job_store);
         let acknowledged = Arc::clone(&acknowledged);
         working.spawn(async move {
             let id = worker(number);
-            board.admit(id, &format!("w{number}")).await.unwrap();
+            job_store.admit(id, &format!("w{number}")).await.unwrap();
             loop {
                 let one = async {
-                    let leased = board.claim(id, &tokens(2)).await?;
+                    let leased = job_store.claim(id, &tokens(2)).await?;
                     for (token, material) in leased.jobs {
-                        board.complete(delivery(material, token)).await?;
+                        job_store.complete(delivery(material, token)).await?;
                         acknowledged.lock().unwrap().insert(material);
                     }
-                    Ok::<(), BoardError>(())
+                    Ok::<(), JobStoreError>(())
                 };
                 if let Err(error) = one.await {
                     assert!(is_unavailable(&error), "{error:?}");
@@ -54,7 +61,7 @@ async fn what_was_acknowledged_survives_the_death_of_the_server() {
             .await
             .unwrap();
         server.kill();
-        let away = board.look().await.unwrap_err();
+        let away = job_store.publish_overview().await.unwrap_err();
         assert!(is_unavailable(&away), "{away:?}");
         server.restart();
         server.wait();

@@ -1,9 +1,9 @@
 //! How fast it is with three million jobs, and whether it stays small: `tests/postgres.sh measure`.
 
-use super::{Presence, board, delivery, make, tokens, worker};
+use super::{PresenceLimits, delivery, job_store, make, tokens, worker};
 use crate::testing::{Server, client, schema_in};
 use jobqueue::Policy;
-use jobstore::{Board, Renewal};
+use jobstore::{JobStore, Renewal};
 use std::{
     env,
     sync::{
@@ -25,27 +25,27 @@ fn seconds(name: &str, default: u64) -> Duration {
 }
 
 /// Claims, renews and completes one job after another.
-async fn work(board: Arc<dyn Board>, number: u32, done: Arc<AtomicU64>) {
+async fn work(job_store: Arc<dyn JobStore>, number: u32, done: Arc<AtomicU64>) {
     let id = worker(number);
-    board.admit(id, &format!("w{number}")).await.unwrap();
+    job_store.admit(id, &format!("w{number}")).await.unwrap();
     loop {
         // As a coordinator does at each call: who is never heard of is forgotten.
-        assert!(board.name(id).await.unwrap().is_some());
-        let leased = board.claim(id, &tokens(1)).await.unwrap();
+        assert!(job_store.name(id).await.unwrap().is_some());
+        let leased = job_store.claim(id, &tokens(1)).await.unwrap();
         for (token, material) in leased.jobs {
-            board.complete(delivery(material, token)).await.unwrap();
+            job_store.complete(delivery(material, token)).await.unwrap();
             done.fetch_add(1, Ordering::Relaxed);
         }
     }
 }
 
 /// Renews leases once a third of their time, as workers do.
-async fn hold(board: Arc<dyn Board>, renewed: Arc<AtomicU64>) {
+async fn hold(job_store: Arc<dyn JobStore>, renewed: Arc<AtomicU64>) {
     let id = worker(1_000);
-    board.admit(id, "holder").await.unwrap();
+    job_store.admit(id, "holder").await.unwrap();
     let mut renewals = Vec::new();
     while renewals.len() < HELD {
-        let leased = board.claim(id, &tokens(64)).await.unwrap();
+        let leased = job_store.claim(id, &tokens(64)).await.unwrap();
         assert!(!leased.jobs.is_empty());
         renewals.extend(leased.jobs.into_iter().map(|(token, material)| Renewal {
             token,
@@ -59,7 +59,7 @@ async fn hold(board: Arc<dyn Board>, renewed: Arc<AtomicU64>) {
                 renewal.views_done += 1;
             }
             assert!(
-                board
+                job_store
                     .renew(held)
                     .await
                     .unwrap()
@@ -121,11 +121,11 @@ async fn three_million_jobs() {
         leases_per_worker_max: 2 * HELD as u32,
         ..Policy::default()
     };
-    let board = board(&url, policy, Presence::default(), Arc::default());
+    let job_store = job_store(&url, policy, PresenceLimits::default(), Arc::default());
     let mut around = JoinSet::new();
     let renewed = Arc::<AtomicU64>::default();
-    around.spawn(hold(Arc::clone(&board), Arc::clone(&renewed)));
-    let sweeping = Arc::clone(&board);
+    around.spawn(hold(Arc::clone(&job_store), Arc::clone(&renewed)));
+    let sweeping = Arc::clone(&job_store);
     around.spawn(async move {
         loop {
             sweeping.expire().await.unwrap();
@@ -136,7 +136,7 @@ async fn three_million_jobs() {
         let done = Arc::<AtomicU64>::default();
         let mut working = JoinSet::new();
         for number in 0..clients {
-            working.spawn(work(Arc::clone(&board), number, Arc::clone(&done)));
+            working.spawn(work(Arc::clone(&job_store), number, Arc::clone(&done)));
         }
         let began = Instant::now();
         let mut done_before = 0;

@@ -1,22 +1,22 @@
-//! The board on a real server.
+//! The job store on a real server.
 
 #![allow(clippy::print_stdout, reason = "measurements are for people")]
 
 mod crash;
 mod encryption;
+mod maintenance;
 mod measure;
 mod model;
 mod plans;
 mod replicas;
-mod upkeep;
 
-use super::{Database, Identity, PostgresBoard, Presence};
+use super::{Database, Identity, PostgresJobStore, PresenceLimits};
 use imagestore::blobs::Blobs;
 use jobqueue::{
     Completion, Policy,
     token::{Token, WorkerId},
 };
-use jobstore::{Board, BoardError, Delivery, Overview, Surroundings};
+use jobstore::{Delivery, JobStore, JobStoreContext, JobStoreError, Overview};
 use std::{
     path::Path,
     sync::{Arc, Mutex},
@@ -37,22 +37,22 @@ async fn make(url: &str, materials: u32) {
     assert_eq!(database.open().await.unwrap(), Some(identity));
 }
 
-/// A coordinator's board over it.
-fn board(
+/// A coordinator's job store over it.
+fn job_store(
     url: &str,
     policy: Policy,
-    presence: Presence,
+    presence: PresenceLimits,
     overview: Arc<Mutex<Overview>>,
-) -> Arc<dyn Board> {
-    let surroundings = Surroundings::new(Blobs::new(Path::new("/nowhere")), move |_, now| {
+) -> Arc<dyn JobStore> {
+    let context = JobStoreContext::new(Blobs::new(Path::new("/nowhere")), move |_, now| {
         *overview.lock().unwrap() = now;
     });
-    Arc::new(PostgresBoard::new(
+    Arc::new(PostgresJobStore::new(
         Database::new(url).unwrap(),
         policy,
         presence,
         Arc::new(()),
-        Arc::new(surroundings),
+        Arc::new(context),
     ))
 }
 
@@ -77,8 +77,8 @@ fn tokens(count: usize) -> Vec<Token> {
     (0..count).map(token).collect()
 }
 
-fn is_unavailable(error: &BoardError) -> bool {
-    matches!(error, BoardError::Unavailable(_))
+fn is_unavailable(error: &JobStoreError) -> bool {
+    matches!(error, JobStoreError::Unavailable(_))
 }
 
 /// That the counts, which every transaction keeps, are those of the rows.

@@ -1,9 +1,9 @@
-//! The suite of every board, over PostgreSQL.
+//! The suite of every job store, over PostgreSQL.
 
-use super::{Presence, board, make};
+use super::{PresenceLimits, job_store, make};
 use crate::testing::{fresh_schema, run};
 use jobstore::{
-    Board, Overview,
+    JobStore, Overview,
     model::{MATERIALS, POLICY, Place, follow, operation, runs},
 };
 use proptest::prelude::*;
@@ -34,7 +34,7 @@ fn tell_time(now: Duration) -> String {
 
 #[async_trait::async_trait]
 impl Place for PostgresPlace {
-    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board> {
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn JobStore> {
         if self.url.is_none() {
             let url = fresh_schema().await;
             make(&url, MATERIALS).await;
@@ -44,13 +44,13 @@ impl Place for PostgresPlace {
         let url = self.url.as_ref().unwrap();
         // Nobody was there for long: workers are gone, and leases begin again.
         run(url, "DELETE FROM sessions; UPDATE sweeps SET swept_ms = 0").await;
-        let presence = Presence {
+        let presence = PresenceLimits {
             dismissed_after: Duration::ZERO,
             forgotten_after: START,
         };
-        let board = board(url, POLICY, presence, overview);
-        board.expire().await.unwrap();
-        board
+        let job_store = job_store(url, POLICY, presence, overview);
+        job_store.expire().await.unwrap();
+        job_store
     }
 
     async fn set_time(&mut self, now: Duration) {
@@ -69,7 +69,7 @@ proptest! {
     #![proptest_config(runs(8))]
 
     #[test]
-    fn the_board_over_postgres_does_what_the_model_does(
+    fn the_job_store_over_postgres_does_what_the_model_does(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
         follow(Box::<PostgresPlace>::default(), operations);
@@ -87,7 +87,7 @@ proptest! {
 
     #[test]
     #[ignore = "an hour: tests/postgres.sh"]
-    fn the_board_over_postgres_does_what_the_model_does_for_long(
+    fn the_job_store_over_postgres_does_what_the_model_does_for_long(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
         follow(Box::<PostgresPlace>::default(), operations);

@@ -1,9 +1,9 @@
 //! Several coordinators at one database at once.
 
-use super::{Presence, assert_tallies, board, delivery, make, tokens, worker};
+use super::{PresenceLimits, assert_tallies, delivery, job_store, make, tokens, worker};
 use crate::testing::{client, fresh_schema};
 use jobqueue::{Policy, Verdict};
-use jobstore::{Board, Renewal};
+use jobstore::{JobStore, Renewal};
 use std::{
     collections::HashMap,
     sync::{Arc, Mutex},
@@ -15,15 +15,19 @@ const MATERIALS: u32 = 400;
 
 /// One worker's day at one of the coordinators: it claims, renews, fails, hands back, is silent and
 /// completes, and tells everything twice.
-async fn work(boards: Vec<Arc<dyn Board>>, number: u32, recorded: Arc<Mutex<HashMap<u32, u32>>>) {
+async fn work(
+    job_stores: Vec<Arc<dyn JobStore>>,
+    number: u32,
+    recorded: Arc<Mutex<HashMap<u32, u32>>>,
+) {
     let id = worker(number);
     let name = format!("w{number}");
-    boards[0].admit(id, &name).await.unwrap();
+    job_stores[0].admit(id, &name).await.unwrap();
     let mut step = number;
     loop {
         step += 1;
-        let board = &boards[step as usize % boards.len()];
-        let leased = board.claim(id, &tokens(3)).await.unwrap();
+        let job_store = &job_stores[step as usize % job_stores.len()];
+        let leased = job_store.claim(id, &tokens(3)).await.unwrap();
         if leased.finished {
             return;
         }
@@ -32,25 +36,27 @@ async fn work(boards: Vec<Arc<dyn Board>>, number: u32, recorded: Arc<Mutex<Hash
         }
         for (token, material) in leased.jobs {
             step += 1;
-            let board = &boards[step as usize % boards.len()];
+            let job_store = &job_stores[step as usize % job_stores.len()];
             let renewal = Renewal {
                 token,
                 material,
                 views_done: 1,
             };
-            board.renew(&[renewal]).await.unwrap();
+            job_store.renew(&[renewal]).await.unwrap();
             if step.is_multiple_of(37) {
-                drop(board.fail(material, token, "no light").await);
+                drop(job_store.fail(material, token, "no light").await);
                 continue;
             }
             if step.is_multiple_of(41) {
                 // Silent: the lease runs out.
                 continue;
             }
-            let other = &boards[(step as usize + 1) % boards.len()];
+            let other = &job_stores[(step as usize + 1) % job_stores.len()];
             let delivery = delivery(material, token);
-            let (one, two) =
-                tokio::join!(board.complete(delivery.clone()), other.complete(delivery));
+            let (one, two) = tokio::join!(
+                job_store.complete(delivery.clone()),
+                other.complete(delivery)
+            );
             for answer in [one, two] {
                 if matches!(answer, Ok(judged) if judged.verdict == Verdict::Recorded) {
                     *recorded.lock().unwrap().entry(material).or_default() += 1;
@@ -58,8 +64,8 @@ async fn work(boards: Vec<Arc<dyn Board>>, number: u32, recorded: Arc<Mutex<Hash
             }
         }
         if step.is_multiple_of(13) {
-            board.release(id).await.unwrap();
-            board.admit(id, &name).await.unwrap();
+            job_store.release(id).await.unwrap();
+            job_store.admit(id, &name).await.unwrap();
         }
     }
 }
@@ -76,19 +82,19 @@ async fn three_coordinators_complete_every_job_once() {
         jobs_failed_max: u32::MAX,
         ..Policy::default()
     };
-    let boards: Vec<Arc<dyn Board>> = (0..3)
-        .map(|_| board(&url, policy, Presence::default(), Arc::default()))
+    let job_stores: Vec<Arc<dyn JobStore>> = (0..3)
+        .map(|_| job_store(&url, policy, PresenceLimits::default(), Arc::default()))
         .collect();
     let recorded = Arc::<Mutex<HashMap<u32, u32>>>::default();
     let mut working = JoinSet::new();
     for number in 0..9 {
-        working.spawn(work(boards.clone(), number, Arc::clone(&recorded)));
+        working.spawn(work(job_stores.clone(), number, Arc::clone(&recorded)));
     }
     let mut sweeping = JoinSet::new();
-    for board in boards.clone() {
+    for job_store in job_stores.clone() {
         sweeping.spawn(async move {
             loop {
-                board.expire().await.unwrap();
+                job_store.expire().await.unwrap();
                 tokio::time::sleep(Duration::from_millis(200)).await;
             }
         });

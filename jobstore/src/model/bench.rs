@@ -1,4 +1,4 @@
-//! Every operation, done to the board and to the model; their answers are equal.
+//! Every operation, done to the job store and to the model; their answers are equal.
 
 use super::{
     MATERIALS, POLICY, Place, WORKERS, id,
@@ -6,7 +6,7 @@ use super::{
     name,
     operation::Operation,
 };
-use crate::{Board, BoardError, Delivery, JobsOrder, Leased, Overview, Renewal};
+use crate::{Delivery, JobStore, JobStoreError, JobsOrder, Leased, Overview, Renewal};
 use jobqueue::{
     BarCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, token::Token,
 };
@@ -17,7 +17,7 @@ use std::{
 };
 
 pub(super) struct Bench {
-    pub board: Option<Arc<dyn Board>>,
+    pub job_store: Option<Arc<dyn JobStore>>,
     pub place: Box<dyn Place>,
     pub overview: Arc<Mutex<Overview>>,
     pub jobs: Vec<ModelJob>,
@@ -32,10 +32,10 @@ fn materials(changes: &Changes) -> BTreeSet<u32> {
 }
 
 /// The answer of an operation that only a refusal can end.
-fn refused<T>(answer: Result<T, BoardError>) -> Result<T, Refusal> {
+fn refused<T>(answer: Result<T, JobStoreError>) -> Result<T, Refusal> {
     match answer {
         Ok(answer) => Ok(answer),
-        Err(BoardError::Refused(refusal)) => Err(refusal),
+        Err(JobStoreError::Refused(refusal)) => Err(refusal),
         Err(error) => panic!("{error}"),
     }
 }
@@ -49,9 +49,9 @@ impl Bench {
     pub async fn new(mut place: Box<dyn Place>) -> Self {
         let overview = Arc::default();
         place.set_time(Duration::ZERO).await;
-        let board = place.open(Arc::clone(&overview)).await;
+        let job_store = place.open(Arc::clone(&overview)).await;
         Self {
-            board: Some(board),
+            job_store: Some(job_store),
             place,
             overview,
             jobs: vec![ModelJob::default(); MATERIALS as usize],
@@ -62,8 +62,8 @@ impl Bench {
         }
     }
 
-    pub fn board(&self) -> &dyn Board {
-        self.board.as_deref().unwrap()
+    pub fn job_store(&self) -> &dyn JobStore {
+        self.job_store.as_deref().unwrap()
     }
 
     fn token(&self, back: usize) -> Option<(Token, u32)> {
@@ -105,15 +105,15 @@ impl Bench {
         match operation {
             Operation::Admit { worker } => {
                 let (id, name) = (id(worker), name(worker));
-                self.board().admit(id, &name).await.unwrap();
-                assert_eq!(self.board().name(id).await.unwrap(), Some(name));
+                self.job_store().admit(id, &name).await.unwrap();
+                assert_eq!(self.job_store().name(id).await.unwrap(), Some(name));
                 self.workers[worker as usize].present = true;
             }
             Operation::Dismiss { worker } => {
-                self.board().dismiss(&[id(worker)]).await.unwrap();
+                self.job_store().dismiss(&[id(worker)]).await.unwrap();
                 if self.held(worker).is_empty() {
                     self.workers[worker as usize].present = false;
-                    assert_eq!(self.board().name(id(worker)).await.unwrap(), None);
+                    assert_eq!(self.job_store().name(id(worker)).await.unwrap(), None);
                 }
             }
             Operation::Claim { worker, jobs_max } => self.claim(worker, jobs_max).await,
@@ -135,13 +135,13 @@ impl Bench {
             Operation::Fail { back } => self.fail(back).await,
             Operation::Release { worker } => {
                 let expected = self.held(worker);
-                let changes = self.board().release(id(worker)).await.unwrap();
+                let changes = self.job_store().release(id(worker)).await.unwrap();
                 self.handed_back(&changes, expected);
                 self.workers[worker as usize].present = false;
             }
             Operation::ReleaseAll => {
                 let expected = self.those(|job| job.lease.is_some());
-                let changes = self.board().release_all().await.unwrap();
+                let changes = self.job_store().release_all().await.unwrap();
                 self.handed_back(&changes, expected);
             }
             Operation::Wait { seconds } => self.wait(Duration::from_secs(seconds)).await,
@@ -149,7 +149,7 @@ impl Bench {
             Operation::RetrySetAside => {
                 let expected = self.those(|job| job.set_aside);
                 let selection = Selection::new(Vec::new(), vec![Stage::SetAside]);
-                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
                 self.retried(&changes.unwrap(), expected);
             }
             Operation::Retry { materials } => {
@@ -158,7 +158,7 @@ impl Bench {
                 };
                 let mut expected = self.those(|job| job.set_aside || job.cancelled);
                 expected.retain(|material| materials.contains(material));
-                let changes = self.board().order(JobsOrder::Retry, &selection).await;
+                let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
                 self.retried(&changes.unwrap(), expected);
             }
             Operation::Cancel { materials } => {
@@ -167,7 +167,7 @@ impl Bench {
                 };
                 let mut expected = self.those(|job| job.opinions.is_empty() && !job.cancelled);
                 expected.retain(|material| materials.contains(material));
-                let changes = self.board().order(JobsOrder::Cancel, &selection).await;
+                let changes = self.job_store().order(JobsOrder::Cancel, &selection).await;
                 assert_eq!(self::materials(&changes.unwrap()), expected);
                 for material in expected {
                     let job = self.job(material);
@@ -186,25 +186,25 @@ impl Bench {
                 let mut expected = self.those(|job| job.is_pending() && job.priority != priority);
                 expected.retain(|material| materials.contains(material));
                 let order = JobsOrder::Prioritize(priority);
-                let changes = self.board().order(order, &selection).await;
+                let changes = self.job_store().order(order, &selection).await;
                 assert_eq!(self::materials(&changes.unwrap()), expected);
                 for material in expected {
                     self.job(material).priority = priority;
                 }
             }
             Operation::SetMode { mode } => {
-                let changes = self.board().set_mode(mode).await.unwrap();
+                let changes = self.job_store().set_mode(mode).await.unwrap();
                 assert_eq!(changes.mode.is_some(), mode != self.mode);
                 self.mode = mode;
             }
             Operation::Bar { worker } => {
                 let reason = "dust".to_owned();
                 let cause = BarCause::Operator;
-                let changes = self.board().bar(&name(worker), cause, reason).await;
+                let changes = self.job_store().bar(&name(worker), cause, reason).await;
                 assert_eq!(materials(&changes.unwrap()), self.bar(worker, cause));
             }
             Operation::Unbar { worker } => {
-                let change = self.board().unbar(&name(worker)).await.unwrap();
+                let change = self.job_store().unbar(&name(worker)).await.unwrap();
                 let model = &mut self.workers[worker as usize];
                 assert_eq!(change.is_some(), model.bar.is_some());
                 if model.bar.take().is_some() {
@@ -267,7 +267,7 @@ impl Bench {
         let tokens: Vec<Token> = (0..u128::from(jobs_max))
             .map(|number| Token::from_bytes((next + number).to_be_bytes()))
             .collect();
-        let leased = self.board().claim(id(worker), &tokens).await.unwrap();
+        let leased = self.job_store().claim(id(worker), &tokens).await.unwrap();
         let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
         let barred = self.workers[worker as usize].bar.is_some();
         let known = self.workers[worker as usize].present && !idle;
@@ -305,7 +305,7 @@ impl Bench {
             material,
             views_done,
         };
-        let renewed = self.board().renew(&[renewal]).await.unwrap() == [true];
+        let renewed = self.job_store().renew(&[renewal]).await.unwrap() == [true];
         if !self.current(material, token) {
             assert!(!renewed);
             return;
@@ -331,7 +331,7 @@ impl Bench {
             completion,
             check,
         };
-        let answer = refused(self.board().complete(delivery).await);
+        let answer = refused(self.job_store().complete(delivery).await);
         let answer = answer.map(|judged| (judged.verdict, judged.changes));
         let current = self.current(material, token);
         let Some(job) = self.jobs.get_mut(material as usize) else {
@@ -442,7 +442,7 @@ impl Bench {
         let Some((token, material)) = self.token(back) else {
             return;
         };
-        let answer = refused(self.board().fail(material, token, "no light").await);
+        let answer = refused(self.job_store().fail(material, token, "no light").await);
         if !self.current(material, token) {
             assert_eq!(answer, Err(Refusal::LeaseLost(material)));
             return;
@@ -472,7 +472,7 @@ impl Bench {
         let now = self.now;
         let over = |job: &ModelJob| job.lease.as_ref().is_some_and(|lease| lease.expires <= now);
         let expected = self.those(over);
-        let expired = self.board().expire().await.unwrap();
+        let expired = self.job_store().expire().await.unwrap();
         let lost = expired.lost.iter().map(|lease| lease.material);
         assert_eq!(lost.collect::<BTreeSet<u32>>(), expected);
         assert_eq!(materials(&expired.changes), expected);
@@ -502,10 +502,10 @@ impl Bench {
 
     /// The process dies; another one continues from what was made durable.
     async fn restart(&mut self) {
-        self.board().close();
+        self.job_store().close();
         // A ledger is open once at a time.
-        self.board = None;
-        self.board = Some(self.place.open(Arc::clone(&self.overview)).await);
+        self.job_store = None;
+        self.job_store = Some(self.place.open(Arc::clone(&self.overview)).await);
         let now = self.now;
         for job in &mut self.jobs {
             if let Some(lease) = &mut job.lease {

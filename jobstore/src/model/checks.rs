@@ -1,4 +1,4 @@
-//! After each operation: the board's figures, its records and its crew are the model's.
+//! After each operation: the job store's figures, its records and its workers are the model's.
 
 use super::{
     Bench, MATERIALS, id,
@@ -38,7 +38,7 @@ impl Bench {
             left + settled,
             "every job is in exactly one state"
         );
-        self.board().look().await.unwrap();
+        self.job_store().publish_overview().await.unwrap();
         let barred = self.workers.iter().filter(|worker| worker.bar.is_some());
         let expected = Overview {
             counts: expected,
@@ -52,8 +52,8 @@ impl Bench {
     }
 
     async fn check_crew(&self) {
-        let crew = self.board().crew().await.unwrap();
-        let sessions = crew.sessions.into_iter();
+        let workers = self.job_store().workers().await.unwrap();
+        let sessions = workers.sessions.into_iter();
         let sessions: BTreeMap<WorkerId, (String, u32)> = sessions
             .map(|session| (session.worker, (session.name, session.held)))
             .collect();
@@ -69,14 +69,14 @@ impl Bench {
     /// What is durable is what is, and what is told.
     async fn check_records(&self) {
         let all = Selection::default();
-        let page = self.board().jobs(0, 2 * MATERIALS as usize, &all).await;
+        let page = self.job_store().jobs(0, 2 * MATERIALS as usize, &all).await;
         let page = page.unwrap();
         assert_eq!(page.next, None);
         let told = page.jobs.into_iter();
         let told: BTreeMap<u32, (JobRecord, u32)> = told
             .map(|(material, job, views_done)| (material, (job, views_done)))
             .collect();
-        let kept = self.board().contents().await.unwrap();
+        let kept = self.job_store().contents().await.unwrap();
         let jobs = kept.jobs.into_iter();
         let jobs: BTreeMap<u32, JobRecord> = jobs.map(|job| (job.material, job.record)).collect();
         let workers = kept.workers.into_iter();

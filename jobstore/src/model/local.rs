@@ -1,8 +1,8 @@
-//! The suite over the board in this process.
+//! The suite over the job store in this process.
 
 use super::{MATERIALS, POLICY, Place, follow, operation, runs};
 use crate::{
-    Board, LocalBoard, Overview, Surroundings,
+    JobStore, JobStoreContext, LocalJobStore, Overview,
     completion_log::CompletionLog,
     ledger::{BlobPlace, Ledger, LedgerError, SledLedger, memory::MemoryLedger},
 };
@@ -17,7 +17,7 @@ use std::{
 };
 use tempfile::TempDir;
 
-/// Boards in this process over one ledger.
+/// Job stores in this process over one ledger.
 struct LocalPlace {
     ledger: Kept,
     folder: TempDir,
@@ -80,7 +80,7 @@ impl LocalPlace {
 
 #[async_trait::async_trait]
 impl Place for LocalPlace {
-    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board> {
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn JobStore> {
         let ledger: Arc<dyn Ledger> = match &self.ledger {
             Kept::Memory(ledger) => Arc::clone(ledger) as Arc<dyn Ledger>,
             Kept::Sled(path) => Arc::new(SyncedAtTheEnd(SledLedger::open(path).unwrap().0)),
@@ -88,15 +88,15 @@ impl Place for LocalPlace {
         let mut queue = Queue::new(MATERIALS, POLICY);
         queue.restore(ledger.contents().unwrap(), *self.now.lock().unwrap());
         let (log, _) = CompletionLog::open(&self.folder.path().join("completions.log")).unwrap();
-        let surroundings = Surroundings::new(Blobs::new(self.folder.path()), move |_, now| {
+        let context = JobStoreContext::new(Blobs::new(self.folder.path()), move |_, now| {
             *overview.lock().unwrap() = now;
         });
         let clock = Arc::clone(&self.now);
-        Arc::new(LocalBoard::without_thread(
+        Arc::new(LocalJobStore::without_thread(
             queue,
             log,
             ledger,
-            Arc::new(surroundings),
+            Arc::new(context),
             Box::new(move || *clock.lock().unwrap()),
         ))
     }
@@ -115,7 +115,7 @@ proptest! {
     #![proptest_config(runs(512))]
 
     #[test]
-    fn the_board_in_memory_does_what_the_model_does(
+    fn the_job_store_in_memory_does_what_the_model_does(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
         follow(LocalPlace::new(|_| Kept::Memory(Arc::default())), operations);
@@ -126,7 +126,7 @@ proptest! {
     #![proptest_config(runs(24))]
 
     #[test]
-    fn the_board_over_sled_does_what_the_model_does(
+    fn the_job_store_over_sled_does_what_the_model_does(
         operations in prop::collection::vec(operation(), 200..300)
     ) {
         follow(LocalPlace::new(|path| Kept::Sled(path.join("ledger"))), operations);

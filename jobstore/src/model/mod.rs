@@ -1,5 +1,6 @@
-//! The suite of every board: random operations, and after each the answers, the states and the
-//! durable records that a simple model has. A restarted board goes on where the one before ended.
+//! The suite of every job store: random operations, and after each the answers, the states and the
+//! durable records that a simple model has. A restarted job store goes on where the one before
+//! ended.
 
 mod bench;
 mod checks;
@@ -10,7 +11,7 @@ mod operation;
 
 pub use operation::{Operation, operation};
 
-use super::{Board, Overview};
+use super::{JobStore, Overview};
 use bench::Bench;
 use jobqueue::{Policy, token::WorkerId};
 use proptest::prelude::ProptestConfig;
@@ -35,13 +36,13 @@ pub const POLICY: Policy = Policy {
     jobs_failed_max: 3,
     bar: Duration::from_secs(40),
 };
-/// Where boards are opened, each over what the one before kept.
+/// Where job stores are opened, each over what the one before kept.
 #[async_trait::async_trait]
 pub trait Place: Send {
-    /// Opens a board; the one before is gone.
-    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn Board>;
+    /// Opens a job store; the one before is gone.
+    async fn open(&mut self, overview: Arc<Mutex<Overview>>) -> Arc<dyn JobStore>;
 
-    /// Tells the board the time.
+    /// Tells the job store the time.
     async fn set_time(&mut self, now: Duration);
 
     /// Whether an operation is told when to look for leases that ran out again.
@@ -56,7 +57,7 @@ fn name(number: u8) -> String {
     format!("w{number}")
 }
 
-/// Does operations on a new board, and checks it after each.
+/// Does operations on a new job store, and checks it after each.
 pub fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
     let runtime = runtime::Builder::new_current_thread().enable_all().build();
     runtime.unwrap().block_on(async {
@@ -65,7 +66,7 @@ pub fn follow(place: Box<dyn Place>, operations: Vec<Operation>) {
             bench.apply(operation).await;
             bench.check().await;
         }
-        bench.board().close();
+        bench.job_store().close();
     });
 }
 

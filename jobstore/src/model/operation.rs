@@ -8,7 +8,7 @@ use proptest::prelude::*;
 #[derive(Clone, Debug)]
 #[allow(
     missing_docs,
-    reason = "each is an operation of `Board`, with its arguments"
+    reason = "each is an operation of `JobStore`, with its arguments"
 )]
 pub enum Operation {
     Admit {

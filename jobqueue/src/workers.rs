@@ -12,7 +12,7 @@ use std::{
 
 /// Everything known of workers.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Crew {
+pub(super) struct Workers {
     records: BTreeMap<String, WorkerRecord>,
     // When bars over failures end.
     bar_ends: BTreeMap<String, Duration>,
@@ -21,7 +21,7 @@ pub(super) struct Crew {
     present: BTreeMap<String, u32>,
 }
 
-impl Crew {
+impl Workers {
     /// Notes that a worker is there, under this name from now on.
     pub fn admit(&mut self, worker: WorkerId, name: &str) {
         self.dismiss(worker);

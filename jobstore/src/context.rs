@@ -1,4 +1,4 @@
-//! What a board needs of the farm around it: staged images, and whom to tell.
+//! What a job store needs of the farm around it: staged images, and whom to tell.
 
 use super::Overview;
 use imagestore::{
@@ -8,11 +8,11 @@ use imagestore::{
 use std::sync::{Mutex, MutexGuard, PoisonError, atomic::AtomicU64};
 use tokio::sync::Notify;
 
-type Changed = dyn Fn(&Surroundings, Overview) + Send + Sync;
+type Changed = dyn Fn(&JobStoreContext, Overview) + Send + Sync;
 
-/// Shared by a board and its farm. A board counts before it tells how the jobs stand, so that what
-/// is told and what is counted agree.
-pub struct Surroundings {
+/// Shared by a job store and its farm. A job store counts before it tells how the jobs stand, so
+/// that what is told and what is counted agree.
+pub struct JobStoreContext {
     /// The images.
     pub blobs: Blobs,
     /// Somebody who waits for work should look again.
@@ -27,7 +27,7 @@ pub struct Surroundings {
     changed: Box<Changed>,
 }
 
-impl Surroundings {
+impl JobStoreContext {
     /// `changed` is told how the jobs stand whenever that may have changed.
     pub fn new(blobs: Blobs, changed: impl Fn(&Self, Overview) + Send + Sync + 'static) -> Self {
         Self {
@@ -55,7 +55,7 @@ impl Surroundings {
     }
 
     /// Tells how the jobs stand.
-    pub fn tell(&self, overview: Overview) {
+    pub fn publish(&self, overview: Overview) {
         (self.changed)(self, overview);
     }
 }

@@ -1,8 +1,9 @@
 //! Accepting connections, of which a stranger can open any number.
 //!
-//! A connection counts once its peer has spoken: until then it waits in a doorway from which the
-//! longest silent half are put out when it is full, and everybody after a while. Honest clients speak
-//! at once, so they get through however many stand there. The number of those inside is bounded.
+//! A connection counts once its peer has spoken: until then it is one of a bounded number,
+//! of which the longest silent half are closed when there are too many, and all after a while.
+//! Honest clients speak at once, so they get through however many are silent. The number of those
+//! that have spoken is bounded too.
 
 use std::{
     collections::VecDeque,
@@ -29,8 +30,8 @@ const PREFACE_BYTES: usize = 24;
 /// How long accepting rests where the system has no room for another connection.
 const FULL_PAUSE: Duration = Duration::from_millis(50);
 
-/// A connection whose peer has spoken, and its place among those inside.
-pub(crate) struct Guest {
+/// A connection whose peer has spoken, and its place among those admitted.
+pub(crate) struct Connection {
     stream: TcpStream,
     _place: OwnedSemaphorePermit,
 }
@@ -53,16 +54,16 @@ pub(crate) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
 pub(crate) fn open(
     listener: TcpListener,
     preface: bool,
-) -> ReceiverStream<Result<Guest, io::Error>> {
-    let (inside, guests) = mpsc::channel(1);
-    tokio::spawn(stand(listener, preface, inside));
-    ReceiverStream::new(guests)
+) -> ReceiverStream<Result<Connection, io::Error>> {
+    let (admitted, connections) = mpsc::channel(1);
+    tokio::spawn(accept(listener, preface, admitted));
+    ReceiverStream::new(connections)
 }
 
-async fn stand(
+async fn accept(
     listener: TcpListener,
     preface: bool,
-    inside: mpsc::Sender<Result<Guest, io::Error>>,
+    admitted: mpsc::Sender<Result<Connection, io::Error>>,
 ) {
     let places = Arc::new(Semaphore::new(limits::CONNECTIONS_MAX));
     let mut silent = JoinSet::new();
@@ -71,7 +72,7 @@ async fn stand(
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
             Some(_) = silent.join_next() => continue,
-            () = inside.closed() => return,
+            () = admitted.closed() => return,
         };
         let stream = match accepted {
             Ok((stream, _)) => stream,
@@ -89,7 +90,7 @@ async fn stand(
                 .saturating_sub(limits::SILENT_CONNECTIONS_MAX / 2);
             handles.drain(..surplus).for_each(|longest| longest.abort());
         }
-        let welcome = welcome(stream, preface, Arc::clone(&places), inside.clone());
+        let welcome = welcome(stream, preface, Arc::clone(&places), admitted.clone());
         handles.push_back(silent.spawn(async {
             // Whoever is too slow is put out without a word.
             let _ = timeout(limits::SILENCE_MAX, welcome).await;
@@ -101,7 +102,7 @@ async fn welcome(
     stream: TcpStream,
     preface: bool,
     places: Arc<Semaphore>,
-    inside: mpsc::Sender<Result<Guest, io::Error>>,
+    admitted: mpsc::Sender<Result<Connection, io::Error>>,
 ) {
     let wanted = if preface { PREFACE_BYTES } else { 1 };
     let mut begin = [0; PREFACE_BYTES];
@@ -124,15 +125,15 @@ async fn welcome(
     };
     // Small messages are not to wait for more; where this fails they merely do.
     let _ = stream.set_nodelay(true);
-    let guest = Guest {
+    let connection = Connection {
         stream,
         _place: place,
     };
     // An error means that nobody serves any more.
-    let _ = inside.send(Ok(guest)).await;
+    let _ = admitted.send(Ok(connection)).await;
 }
 
-impl Connected for Guest {
+impl Connected for Connection {
     type ConnectInfo = TcpConnectInfo;
 
     fn connect_info(&self) -> TcpConnectInfo {
@@ -140,7 +141,7 @@ impl Connected for Guest {
     }
 }
 
-impl AsyncRead for Guest {
+impl AsyncRead for Connection {
     fn poll_read(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,
@@ -150,7 +151,7 @@ impl AsyncRead for Guest {
     }
 }
 
-impl AsyncWrite for Guest {
+impl AsyncWrite for Connection {
     fn poll_write(
         mut self: Pin<&mut Self>,
         context: &mut Context<'_>,

@@ -1,7 +1,7 @@
 use crate::cheap_image::{Cheap, cheap_image, small_specification};
 use dataset::{Digest, specification::Pixel};
 use exr::prelude::{Blocks, Compression, LineOrder, Vec2};
-use imagestore::acceptance::{
+use imagestore::validation::{
     Rejection, check_digest, check_identity, decode, expected_headers, inspect,
 };
 

@@ -1,15 +1,15 @@
 //! Short pieces of work that block, a few at one time.
 //!
-//! Work begins in the order in which it was asked for, and what is done makes room for the next only
-//! once its asker has had its turn among the runtime's tasks. So where there is more to do than the
-//! cores can, as with a thousand workers, it is here that calls wait, and not before those that are
-//! quickly answered: leases, renewals, completions.
+//! Work begins in the order in which it was asked for, and what is done makes room for the next
+//! only once its asker has had its turn among the runtime's tasks. So where there is more to do
+//! than the cores can, as with a thousand workers, it is here that calls wait, and not before those
+//! that are quickly answered: leases, renewals, completions.
 
 use std::sync::Arc;
 use tokio::{sync::Semaphore, task};
 
 /// At most so many pieces at one time, on the runtime's threads that are meant to be blocked.
-pub(crate) struct Hands {
+pub(crate) struct UploadSlots {
     free: Arc<Semaphore>,
 }
 
@@ -17,7 +17,7 @@ pub(crate) struct Hands {
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Interrupted;
 
-impl Hands {
+impl UploadSlots {
     pub fn new(most: usize) -> Self {
         Self {
             free: Arc::new(Semaphore::new(most)),
@@ -25,8 +25,8 @@ impl Hands {
     }
 
     /// Does a piece of work after all that were asked for before. Once begun it ends, even when
-    /// nobody waits for it any more; one that nobody waits for is not begun. Has to be called inside
-    /// a runtime.
+    /// nobody waits for it any more; one that nobody waits for is not begun. Has to be called
+    /// inside a runtime.
     pub async fn run<T: Send + 'static>(
         &self,
         work: impl FnOnce() -> T + Send + 'static,
@@ -56,7 +56,7 @@ mod tests {
 
     #[tokio::test]
     async fn all_work_is_done_so_many_pieces_at_one_time() {
-        let hands = Arc::new(Hands::new(3));
+        let hands = Arc::new(UploadSlots::new(3));
         let at_work = Arc::new(Mutex::new((0_usize, 0_usize)));
         let mut all = JoinSet::new();
         for number in 0..200_u64 {
@@ -83,7 +83,7 @@ mod tests {
 
     #[tokio::test]
     async fn the_next_begins_when_the_asker_has_had_its_turn() {
-        let hands = Arc::new(Hands::new(1));
+        let hands = Arc::new(UploadSlots::new(1));
         let (tell, told) = mpsc::channel();
         let first = {
             let (hands, tell) = (Arc::clone(&hands), tell.clone());
@@ -105,7 +105,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_panic_costs_its_own_work_alone_and_what_nobody_waits_for_is_not_begun() {
-        let hands = Arc::new(Hands::new(1));
+        let hands = Arc::new(UploadSlots::new(1));
         let (release, released) = mpsc::channel::<()>();
         let (begun, has_begun) = oneshot::channel();
         let held = {

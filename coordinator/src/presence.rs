@@ -12,11 +12,11 @@ pub(crate) struct Member {
 
 /// When each worker last called this process. Kept in memory alone.
 #[derive(Default)]
-pub(crate) struct Roster {
+pub(crate) struct Presence {
     members: HashMap<WorkerId, Member>,
 }
 
-impl Roster {
+impl Presence {
     /// Adds a worker. False when there are too many.
     pub fn register(&mut self, worker: WorkerId, now: Duration) -> bool {
         if self.members.len() >= limits::WORKERS_MAX && !self.members.contains_key(&worker) {

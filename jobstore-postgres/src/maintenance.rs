@@ -4,7 +4,7 @@
 use super::{
     connecting::{Database, DatabaseError, query},
     fault::Fault,
-    part::{Part, Way, json, number},
+    locked_jobs::{LockMode, LockedJobs, json, number},
 };
 use deadpool_postgres::{ClientWrapper, Object};
 use jobqueue::{Changes, Check, Completion, JobChange, JobRecord, JobState, Policy};
@@ -18,7 +18,7 @@ use tokio::time::sleep;
 const LOCK_PAUSE: Duration = Duration::from_millis(50);
 
 /// A session that holds the lock of commands that write.
-pub struct Upkeep {
+pub struct MaintenanceSession {
     pub(super) client: ClientWrapper,
     database: Database,
 }
@@ -33,7 +33,7 @@ pub struct Amendment<'a> {
     pub before: Option<&'a Completion>,
 }
 
-impl Upkeep {
+impl MaintenanceSession {
     /// Takes the lock of commands that write; none where another one has it.
     pub async fn begin(database: &Database) -> Result<Option<Self>, DatabaseError> {
         let begun = async {
@@ -41,7 +41,7 @@ impl Upkeep {
             let client = Object::take(database.connection().await?);
             let started = Instant::now();
             loop {
-                let statement = include_str!("sql/lock_upkeep.sql");
+                let statement = include_str!("sql/lock_maintenance.sql");
                 let row = client.query_one(statement, &[]).await?;
                 if row.get(0) {
                     let database = database.clone();
@@ -71,8 +71,8 @@ impl Upkeep {
         amended.map_err(|fault| self.away(fault))
     }
 
-    /// Keeps every transaction of every coordinator waiting until [`Upkeep::admit`], and counts the
-    /// leases that there are.
+    /// Keeps every transaction of every coordinator waiting until [`MaintenanceSession::admit`],
+    /// and counts the leases that there are.
     pub async fn exclude(&mut self) -> Result<u32, DatabaseError> {
         let excluded = async {
             let statement = include_str!("sql/exclude.sql");
@@ -102,8 +102,9 @@ async fn amend(
     let mut materials: Vec<i64> = materials.collect();
     materials.sort_unstable();
     let transaction = client.transaction().await?;
-    let mut part = Part::begin(&transaction, Way::Alone, Policy::default()).await?;
-    part.lock_jobs(&transaction, &materials).await?;
+    let mut locked =
+        LockedJobs::begin(&transaction, LockMode::Exclusive, Policy::default()).await?;
+    locked.lock_jobs(&transaction, &materials).await?;
     let statement = include_str!("sql/completions_of.sql");
     let rows = query(&transaction, statement, &[&materials]).await?;
     let recorded = rows.iter().map(|row| {
@@ -116,7 +117,7 @@ async fn amend(
     let mut done = Vec::with_capacity(amendments.len());
     for Amendment { completion, before } in amendments {
         let material = completion.material;
-        let job = part.queue.job(material);
+        let job = locked.queue.job(material);
         // What was recorded of a job that is not complete counts no more.
         let counts = job.is_some_and(|job| matches!(job.state, JobState::Completed { .. }));
         let now = recorded.get(&material).filter(|_| counts);
@@ -137,7 +138,7 @@ async fn amend(
         changes.jobs.push(JobChange { material, record });
         completions.push(*completion);
     }
-    part.write(&transaction, &changes, &completions).await?;
+    locked.write(&transaction, &changes, &completions).await?;
     transaction.commit().await?;
     Ok(done)
 }

@@ -15,7 +15,7 @@ use std::{collections::BTreeMap, time::Duration};
 use tokio_postgres::Row;
 
 /// Some jobs, locked, and the moment at which that was so.
-pub(super) struct Part {
+pub(super) struct LockedJobs {
     pub queue: Queue,
     pub now: Duration,
     before: BTreeMap<u32, JobRecord>,
@@ -23,19 +23,19 @@ pub(super) struct Part {
 
 /// Others of its kind run beside it, or none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Way {
-    Beside,
-    Alone,
+pub(super) enum LockMode {
+    Shared,
+    Exclusive,
 }
 
-impl Part {
+impl LockedJobs {
     /// Takes the lock of all transactions and begins with no job.
     pub async fn begin(
         transaction: &Transaction<'_>,
-        way: Way,
+        lock_mode: LockMode,
         policy: Policy,
     ) -> Result<Self, Fault> {
-        lock(transaction, way).await?;
+        lock(transaction, lock_mode).await?;
         let rows = query(transaction, include_str!("sql/farm.sql"), &[]).await?;
         let farm = rows.first().ok_or_else(no_farm)?;
         let mode = mode(farm.get(0))?;
@@ -281,10 +281,10 @@ impl Part {
 }
 
 /// Takes the lock of all transactions.
-pub(super) async fn lock(transaction: &Transaction<'_>, way: Way) -> Result<(), Fault> {
-    let statement = match way {
-        Way::Beside => include_str!("sql/lock_beside.sql"),
-        Way::Alone => include_str!("sql/lock_alone.sql"),
+pub(super) async fn lock(transaction: &Transaction<'_>, lock_mode: LockMode) -> Result<(), Fault> {
+    let statement = match lock_mode {
+        LockMode::Shared => include_str!("sql/lock_shared.sql"),
+        LockMode::Exclusive => include_str!("sql/lock_exclusive.sql"),
     };
     query(transaction, statement, &[]).await?;
     Ok(())
