@@ -1,6 +1,6 @@
 //! Why nothing was exported.
 
-use crate::{manifest::ManifestError, rectify::RectifyError};
+use crate::{manifest::error::ManifestError, rectify::RectifyError};
 use datastore::StoreName;
 use imagestore::FileError;
 use std::path::PathBuf;

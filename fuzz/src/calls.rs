@@ -1,8 +1,8 @@
 //! Messages of any call, to a live coordinator.
 
-use crate::seeds;
+use crate::fixtures::{LEASED, LIVE_SPECIFICATION, WORKER};
 use coordinator::{Coordinator, Options};
-use dataset::{RENDERER_VERSION, Specification};
+use dataset::RENDERER_VERSION;
 use datastore::Store;
 use prost::Message;
 use proto::{Control, Farm, JobSelection, JobState};
@@ -13,20 +13,6 @@ use tonic::{Code, Request, Response, Status};
 /// Calls of one input.
 const CALLS_MAX: usize = 16;
 
-/// What a message says where it means the token that was leased last, which nobody can guess.
-pub(crate) const LEASED: &[u8] = b"the token leased";
-
-/// The id of the worker that is there when an input begins, and its name.
-pub(crate) const WORKER: (&[u8], &str) = (b"a fuzzing worker", "w");
-
-const MATERIALS: u32 = 64;
-
-pub(crate) static SPECIFICATION: LazyLock<Specification> = LazyLock::new(|| {
-    let mut specification = seeds::SPECIFICATION.clone();
-    specification.materials = MATERIALS;
-    specification
-});
-
 /// Makes the calls of an input.
 type Live = Box<dyn Fn(&[u8]) -> bool + Send + Sync>;
 
@@ -34,8 +20,8 @@ type Live = Box<dyn Fn(&[u8]) -> bool + Send + Sync>;
 /// before the next.
 static LIVE: LazyLock<Live> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
-    let store = Store::open_or_create(folder.path(), &SPECIFICATION).unwrap();
-    let hash = SPECIFICATION.hash().as_bytes().to_vec();
+    let store = Store::open_or_create(folder.path(), &LIVE_SPECIFICATION).unwrap();
+    let hash = LIVE_SPECIFICATION.hash().as_bytes().to_vec();
     let runtime = Runtime::new().unwrap();
     let options = Options::default();
     let services = runtime.block_on(Coordinator::services(store, &options));

@@ -1,6 +1,6 @@
 //! Images that workers send.
 
-use crate::seeds::film;
+use crate::fixtures::film;
 use dataset::{ImageHeader, Specification, specification::Pixel};
 use imagestore::validation::{check_identity, decode, expected_headers, inspect};
 

@@ -33,6 +33,7 @@ mod command_line;
 mod complete_store;
 mod completion_log;
 mod credentials;
+mod fixtures;
 mod image;
 mod ledger;
 mod manifest;

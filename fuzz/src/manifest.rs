@@ -1,6 +1,6 @@
 //! Manifests and shards of images that come in.
 
-use crate::seeds::{self, SPECIFICATION};
+use crate::{fixtures::SPECIFICATION, seeds};
 use dataset::manifest::Row;
 use export::{
     import::{ImportError, read_images},

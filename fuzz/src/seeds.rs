@@ -3,9 +3,10 @@
 
 use crate::cheap_image::{Cheap, cheap_image};
 use crate::complete_store::{completion, make_store};
+use crate::fixtures::{LEASED, LIVE_SPECIFICATION, SPECIFICATION, WORKER, film};
 use dataset::{
     Digest, HARD_CASES, IMAGE_HEADER_ATTRIBUTE, RENDERER_VERSION, Specification,
-    specification::{Image, Pixel},
+    specification::Pixel,
 };
 use datastore::ReadOnlyStore;
 use export::{
@@ -21,26 +22,7 @@ use jobqueue::{
 };
 use prost::Message;
 use serde::Serialize;
-use std::{fs, path::Path, sync::LazyLock};
-
-/// The set of all seeds: small, so that a fuzzer tries much of it, with images of two blocks, so
-/// that there is more than one.
-pub(crate) static SPECIFICATION: LazyLock<Specification> = LazyLock::new(|| {
-    let mut specification = Specification::preset();
-    specification.materials = 1;
-    specification.image = film(Pixel::Half);
-    specification.views.truncate(2);
-    specification
-});
-
-/// The film of the set's images.
-pub(crate) fn film(pixel: Pixel) -> Image {
-    Image {
-        width: 3,
-        height: 18,
-        pixel,
-    }
-}
+use std::{fs, path::Path};
 
 /// Inputs that are accepted, each with its target's name.
 ///
@@ -175,9 +157,9 @@ fn ledger() -> Vec<u8> {
 
 /// A material leased, delivered and looked at.
 fn calls() -> Vec<u8> {
-    let worker_id = crate::calls::WORKER.0.to_vec();
-    let token = crate::calls::LEASED.to_vec();
-    let (done, images) = completion(&crate::calls::SPECIFICATION, 0);
+    let worker_id = WORKER.0.to_vec();
+    let token = LEASED.to_vec();
+    let (done, images) = completion(&LIVE_SPECIFICATION, 0);
     let mut calls = Vec::new();
     let mut call = |letter: u8, message: Vec<u8>| {
         calls.push(letter);
@@ -187,7 +169,7 @@ fn calls() -> Vec<u8> {
     let register = proto::RegisterRequest {
         name: "w".to_owned(),
         renderer_version: RENDERER_VERSION.to_owned(),
-        specification_hash: crate::calls::SPECIFICATION.hash().as_bytes().to_vec(),
+        specification_hash: LIVE_SPECIFICATION.hash().as_bytes().to_vec(),
         worker_id: worker_id.clone(),
     };
     call(b'R', register.encode_to_vec());

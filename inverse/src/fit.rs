@@ -7,7 +7,7 @@ use crate::error::InverseError;
 use crate::least_squares::{Quadratic, Region, broyden};
 use crate::model::{Evaluation, Model};
 use crate::parameters::{PARAMETERS, Theta};
-use crate::refine::{Settings, Stop};
+use crate::settings::{MEAN_SQUARE_LEAST, Settings, Stop};
 use nalgebra::{DMatrix, DVector};
 
 /// The damping of the first step, as a share of the normal matrix's diagonal.
@@ -23,9 +23,6 @@ const DAMPING_MOST: f64 = 1e6;
 /// the least noise's.
 /// Such a step moves no parameter by more than a tenth of its standard deviation.
 const PROMISE_LEAST: f64 = 0.01;
-
-/// The fit also ends at this mean square of the residual: below it lie the errors of renderings.
-pub(crate) const MEAN_SQUARE_LEAST: f64 = 1e-14;
 
 /// Derivatives are taken anew after a step that did less than this share of what they promised.
 const KEPT_PROMISE: f64 = 0.5;

@@ -28,6 +28,7 @@ pub mod nuisance;
 pub mod observation;
 pub mod parameters;
 pub mod refine;
+mod settings;
 mod steps;
 pub mod survey;
 
@@ -38,5 +39,6 @@ pub use information::Information;
 pub use nuisance::{NuisanceValues, Nuisances};
 pub use observation::{Observation, ObservedView};
 pub use parameters::{NAMES, PARAMETERS, Theta};
-pub use refine::{Refined, Refiner, Settings, Stop};
+pub use refine::{Refined, Refiner};
+pub use settings::{Settings, Stop};
 pub use survey::Survey;

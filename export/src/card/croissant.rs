@@ -1,7 +1,7 @@
 //! Croissant 1.1 metadata, JSON-LD: the manifest as a set of records, the files as distribution.
 
 use super::{CITATION, Described, FileDigest, summary};
-use crate::layout::Layout;
+use crate::layout::unit::Layout;
 use dataset::{
     RENDERER_VERSION,
     manifest::{Column, Kind, columns},

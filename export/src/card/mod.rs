@@ -8,7 +8,7 @@ mod readme;
 use crate::{
     error::ExportError,
     file::{unable, write_bytes},
-    layout::{Layout, Unit},
+    layout::unit::{Layout, Unit},
     product::Products,
     selection::Chosen,
 };

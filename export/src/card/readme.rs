@@ -1,7 +1,7 @@
 //! The dataset card: a README in Markdown with the front matter that Hugging Face reads.
 
 use super::{CITATION, Described, summary};
-use crate::layout::Layout;
+use crate::layout::unit::{Layout, column_name};
 use dataset::{RENDERER_VERSION, Split, specification::Pixel};
 use std::fmt::Write;
 
@@ -134,7 +134,7 @@ fn write_layout(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
             _ => "the same as a preview",
         };
         let place = match described.layout {
-            Layout::HuggingFace => crate::layout::column_name(*kind),
+            Layout::HuggingFace => column_name(*kind),
             Layout::Files { .. } | Layout::WebDataset => kind.extension,
         };
         writeln!(text, "- `{place}`: {what}")?;

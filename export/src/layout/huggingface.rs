@@ -4,7 +4,7 @@
 //! Pillow opens no EXR, so only previews are of the `Image` feature; the rest are bytes. The
 //! features stand in the schema's metadata, under the key that `datasets` looks for.
 
-use super::{Unit, Work};
+use super::{Unit, Work, unit::column_name};
 use crate::{
     error::ExportError,
     manifest::{ManifestError, parquet as rows},
@@ -56,18 +56,6 @@ pub(super) fn write(
 
 fn encoding(error: ParquetError) -> ExportError {
     ManifestError::Parquet(error).into()
-}
-
-/// The column of a product.
-pub(crate) fn column_name(kind: Kind) -> &'static str {
-    match (kind.encoding, kind.rectified) {
-        (Encoding::Exr, false) => "exr",
-        (Encoding::Npy, false) => "npy",
-        (Encoding::Png, false) => "preview",
-        (Encoding::Exr, true) => "rectified_exr",
-        (Encoding::Npy, true) => "rectified_npy",
-        (Encoding::Png, true) => "rectified_preview",
-    }
 }
 
 /// Rows that are encoded together.

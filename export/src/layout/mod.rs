@@ -13,9 +13,6 @@
 //! all; `export.json` says what the export is to be and goes first, the manifest goes last. So the
 //! same command again goes on where it was stopped, and another one is refused.
 //!
-//! A bucket takes an export as a folder does. A shard is sent part by part while it is made; what
-//! of it was sent when it was stopped is no object yet, and it is made again.
-//!
 //! A bucket takes an export as a folder does. Shards are sent part by part while they are made, and
 //! what of one was sent when it was stopped is no object: it is made again.
 
@@ -23,6 +20,7 @@ mod files;
 mod huggingface;
 mod place;
 mod plan;
+pub(crate) mod unit;
 mod webdataset;
 
 use crate::{
@@ -47,9 +45,8 @@ use std::{
     thread,
 };
 
-pub(crate) use huggingface::column_name;
 pub use place::Place;
-pub use plan::{Layout, Unit};
+pub use unit::{Layout, Unit};
 
 /// Bytes of a shard, about, unless asked for otherwise.
 pub const SHARD_BYTES: u64 = 1_000_000_000;

@@ -3,6 +3,7 @@
 use super::{
     Options, Work,
     place::{Place, READ_BYTES_MAX},
+    unit::{Layout, Unit},
 };
 use crate::error::ExportError;
 use crate::plan_difference::difference;
@@ -16,57 +17,10 @@ const PLAN_FILE: &str = "export.json";
 /// Bytes of labels with an image in a shard, at most.
 const LABEL_BYTES: u64 = 8 << 10;
 
-/// How an export is laid out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
-    /// A folder for each material with a file for each view.
-    Files {
-        /// Images are hard links to the store's, which has to be on the same file system. Whoever
-        /// changes such a file changes the store. Not for images in a bucket, nor into one.
-        links: bool,
-    },
-    /// Tar shards, a sample for each material.
-    WebDataset,
-    /// Parquet shards, a row for each image.
-    HuggingFace,
-}
-
-/// A part of an export that is there whole or not at all.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Unit {
-    /// Relative to the export: a shard, or the folder of a material.
-    pub path: String,
-    /// The split of all its materials.
-    pub split: Split,
-    /// Its materials, in order.
-    pub materials: Vec<u32>,
-    /// Its size, at most.
-    pub bytes_max: u64,
-}
-
 /// All units, and the description by which an export is known again.
 pub(super) struct Plan {
     pub units: Vec<Unit>,
     description: String,
-}
-
-impl Layout {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Files { .. } => "files",
-            Self::WebDataset => "webdataset",
-            Self::HuggingFace => "huggingface",
-        }
-    }
-
-    /// The file that holds an image, given the path of its unit.
-    pub(super) fn image_path(self, unit: &str, view: u32) -> String {
-        match self {
-            Self::Files { .. } => format!("{unit}/v{view:02}.exr"),
-            Self::WebDataset | Self::HuggingFace => unit.to_owned(),
-        }
-    }
 }
 
 impl Plan {

@@ -6,6 +6,7 @@
 
 pub mod check;
 mod csv;
+pub(crate) mod error;
 mod jsonl;
 pub(crate) mod parquet;
 pub mod read;
@@ -18,11 +19,9 @@ use crate::{
 use dataset::manifest::Row;
 use datastore::ReadOnlyStore;
 use imagestore::FileError;
-use std::{
-    io::{self, Write},
-    path::Path,
-};
-use thiserror::Error;
+use std::{io::Write, path::Path};
+
+pub use error::ManifestError;
 
 /// How a manifest is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,17 +33,6 @@ pub enum Format {
     /// Apache Parquet; lists are fixed-size lists. Compressed with Snappy, which needs no C
     /// compiler to build.
     Parquet,
-}
-
-/// Why there is no manifest.
-#[derive(Debug, Error)]
-pub enum ManifestError {
-    /// The Parquet encoder failed.
-    #[error("cannot write Parquet: {0}")]
-    Parquet(#[from] ::parquet::errors::ParquetError),
-    /// The manifest cannot be written.
-    #[error(transparent)]
-    Io(#[from] io::Error),
 }
 
 /// What was written.

@@ -12,7 +12,6 @@
 //! `state.json` is replaced last, by a rename, and names everything else. What it does not name is
 //! left over from a kill and removed by the next checkpoint.
 
-use super::cnns::take_cnns;
 use super::events;
 use super::options::Options;
 use super::state::{EpochLine, StageState, csv};
@@ -66,18 +65,27 @@ impl Checkpoints {
         })
     }
 
-    /// The state that a training of `fresh`'s options and data left, or `fresh` where there is none.
+    /// The folder of another training. Makes nothing.
+    pub(super) fn of(folder: &Path) -> Self {
+        Self {
+            folder: folder.to_owned(),
+        }
+    }
+
+    /// The state that a training of `fresh`'s options and data left, or `fresh` where there is none,
+    /// once `begin` has put into folder and state what a new training begins with.
     ///
     /// # Errors
-    /// When the folder holds another training, naming what differs, or something else; or when the
-    /// folder `cnns`, from which a new training takes its CNNs, does not have them.
-    pub fn resume_or(&self, fresh: State, cnns: Option<&Path>) -> Result<State, TrainingError> {
+    /// When the folder holds another training, naming what differs, or something else; and those of
+    /// `begin`.
+    pub fn resume_or(
+        &self,
+        fresh: State,
+        begin: impl FnOnce(&mut State) -> Result<(), TrainingError>,
+    ) -> Result<State, TrainingError> {
         let Some(found) = self.read_state()? else {
             let mut fresh = self.empty_or(fresh)?;
-            if let Some(cnns) = cnns {
-                let folder = cnns.to_owned();
-                take_cnns(&Self { folder }, self, &mut fresh)?;
-            }
+            begin(&mut fresh)?;
             return Ok(fresh);
         };
         if let Some(difference) = difference(&found, &fresh)? {

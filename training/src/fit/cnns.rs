@@ -6,6 +6,7 @@
 use super::checkpoint::{Checkpoints, State, difference};
 use super::options::Options;
 use crate::error::{TrainingError, bad_input};
+use std::path::Path;
 
 /// Names of the two CNNs in the log.
 const CNN_NAMES: [&str; 2] = ["cnn0", "cnnw"];
@@ -45,14 +46,14 @@ fn cnns(options: &Options) -> Vec<&'static str> {
         .collect()
 }
 
-/// Takes the CNNs that a new training, `state`, begins with from the training in another folder.
+/// Takes the CNNs that a new training, `state`, begins with from the training in the folder `from`.
 pub(super) fn take_cnns(
-    from: &Checkpoints,
+    from: &Path,
     to: &Checkpoints,
     state: &mut State,
 ) -> Result<(), TrainingError> {
-    let folder = from.path("");
-    let refuse = |reason: String| bad_input(&folder, reason);
+    let refuse = |reason: String| bad_input(from, reason);
+    let from = Checkpoints::of(from);
     let theirs = from
         .read_state()?
         .ok_or_else(|| refuse("there is no training in this folder".to_owned()))?;

@@ -36,7 +36,7 @@ use crate::variant::{HeadPlan, Variant};
 use burn::module::Module;
 use burn::tensor::Device;
 use checkpoint::{Checkpoints, MODEL, State};
-use cnns::StageName;
+use cnns::{StageName, take_cnns};
 use dataset::Split;
 use events::Events;
 use export::file::write_bytes;
@@ -112,7 +112,10 @@ pub fn train(
         stage: None,
         log: Vec::new(),
     };
-    let state = checkpoints.resume_or(fresh, files.cnns)?;
+    let state = checkpoints.resume_or(fresh, |state| match files.cnns {
+        Some(cnns) => take_cnns(cnns, &checkpoints, state),
+        None => Ok(()),
+    })?;
     let names = options.colours.axes().map(|axis| axis.name);
     let folder = files.out.join(events::FOLDER);
     let events = files
