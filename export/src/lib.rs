@@ -8,7 +8,7 @@
 //! | [`product`] | the files made of one image: EXR, NumPy array, preview, rectified |
 //! | [`rectify`] | the sample warped to a square |
 //! | [`card`] | README, plots and Croissant metadata of an export |
-//! | [`file`] | files that are there whole or not at all |
+//! | [`mod@file`] | files that are there whole or not at all |
 //! | [`import`] | a manifest and its images into a store |
 //! | [`diff`] | two stores or manifests compared |
 //! | [`observability`] | what images tell about parameters, as Parquet; how it goes on where it was stopped |

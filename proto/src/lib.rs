@@ -45,10 +45,10 @@ pub use generated::farm_server::FarmServer;
 /// `farm.proto`, compiled: what the reflection service tells of it.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/farm.bin"));
 
-/// A worker's client over an HTTP/2 channel; [`client::Endpoint`] makes one.
+/// A worker's client over an HTTP/2 channel; [`client::farm`] makes one.
 pub type FarmClient = generated::farm_client::FarmClient<client::Channel>;
 
-/// A person's client over an HTTP/2 channel; [`client::Endpoint`] makes one.
+/// A person's client over an HTTP/2 channel; [`client::control`] makes one.
 pub type ControlClient = generated::control_client::ControlClient<client::Channel>;
 
 /// A client of the standard health service.
