@@ -7,5 +7,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 deploy/install-postgres.sh
-cargo test --test farm_faults a_connection_that_dies -- --ignored
-cargo test --test farm_faults campaign_of -- --ignored --nocapture --test-threads 1
+cargo test --workspace --features training --test farm_faults a_connection_that_dies -- --ignored
+cargo test --workspace --features training --test farm_faults campaign_of -- --ignored --nocapture --test-threads 1
