@@ -31,6 +31,7 @@ pub(crate) const LEASED: &[u8] = b"the token leased";
 /// The id of the worker that is there when an input begins, and its name.
 pub(crate) const WORKER: (&[u8], &str) = (b"a fuzzing worker", "w");
 
+/// Jobs of the live coordinator.
 const LIVE_MATERIALS: u32 = 64;
 
 /// The set that the live coordinator hands out.

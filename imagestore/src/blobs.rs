@@ -5,7 +5,7 @@
 //! its lease gives, so that any coordinator finds it.
 //!
 //! Files come through the coordinator, which checks them before it stages them; objects of a bucket
-//! come from the workers themselves (`farm/uploads.rs`).
+//! come from the workers themselves (the coordinator's `farm/uploads.rs`).
 
 mod folder;
 mod objects;

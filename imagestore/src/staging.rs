@@ -18,7 +18,7 @@ pub struct StagedImage {
     pub header: ImageHeader,
     /// When it was staged or last named, after the start.
     pub since: Duration,
-    /// How far it is.
+    /// How far it is on its way to its name.
     pub stage: Stage,
 }
 

@@ -227,7 +227,7 @@ pub struct Transcript {
 }
 
 impl Transcript {
-    /// An empty one, of the store or log of this name.
+    /// Begins with no completion. Errors name `of`, the store or log that is copied.
     pub fn begin(of: &Path) -> Result<Self, FileError> {
         let file = tempfile::tempfile().map_err(FileError::new("make a copy of", of))?;
         let of = of.to_owned();

@@ -54,19 +54,20 @@ pub enum JobStoreError {
     /// The queue does not allow it.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// It happened, and could not be made durable.
+    /// The store is no longer written, or the coordinator is stopping: the change may or may not be
+    /// durable.
     #[error(transparent)]
     NotDurable(#[from] NotDurable),
     /// The ledger cannot be read or written.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
-    /// A file cannot be.
+    /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The database is out of reach; with the reason.
+    /// The database is out of reach, for this reason.
     #[error("the database is away: {0}")]
     Unavailable(String),
-    /// The process is about to end.
+    /// Whoever was to answer is gone: the change may or may not be durable.
     #[error("the operation was interrupted")]
     Interrupted,
 }

@@ -11,7 +11,7 @@ pub trait Meter: Send + Sync {
     fn note_commit(&self, time: Duration, transitions: usize);
 }
 
-/// Tells nobody.
+/// Notes nothing.
 impl Meter for () {
     fn note_publication(&self, _: Duration) {}
 

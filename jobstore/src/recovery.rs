@@ -41,7 +41,7 @@ pub struct Recovered {
     pub ledger: SledLedger,
     /// The log, open for more.
     pub log: CompletionLog,
-    /// What the ledger had of jobs and workers.
+    /// The jobs and workers that are kept.
     pub kept: Changes,
     /// Of the images of completed materials.
     pub image_bytes: u64,

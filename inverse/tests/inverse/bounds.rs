@@ -23,8 +23,8 @@ const BOUND_MAX: f64 = 0.05;
 /// this.
 const CURVATURE_MAX: f64 = 0.1;
 
-/// And in which the directions that images tell well leave at least so much of the bound. The
-/// others end where ranges do, long before their share of the bound: spreads are smaller than that.
+/// At least so much of a linear parameter's bound lies in directions that the images determine well.
+/// Along the other directions estimates end where ranges do, so they spread less than the bound says.
 const DETERMINED_LEAST: f64 = 0.95;
 
 /// What refinements of noisy images found of one parameter.
