@@ -20,7 +20,10 @@ use crate::{
 };
 use dataset::Digest;
 use folder::Folder;
-use std::path::{Path, PathBuf};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
 /// The images of one store. Cheap to clone.
 #[derive(Clone, Debug)]
@@ -37,7 +40,7 @@ enum Place {
 
 /// An uploaded image that is not durable yet. Whoever holds it decides: [`Blobs::publish`] or
 /// [`Blobs::discard`].
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StagedFile {
     /// Its digest, which was checked.
     pub digest: Digest,
@@ -127,24 +130,34 @@ impl Blobs {
         self.folder().stage(digest, bytes)
     }
 
-    /// Drops a staged image.
+    /// Drops a staged image, if it is still there.
     pub fn discard(&self, staged: &StagedFile) {
-        if let Err(error) = std::fs::remove_file(&staged.path) {
+        if let Err(error) = std::fs::remove_file(&staged.path)
+            && error.kind() != io::ErrorKind::NotFound
+        {
             tracing::warn!(path = %staged.path.display(), %error, "cannot remove a staged image");
         }
     }
 
-    /// Gives a batch of staged images their names, durably: when this returns, a power loss takes
-    /// none of them. The bytes are synced before they get their name, so a name never stands for
-    /// part of an image.
-    pub fn publish<'a>(
+    /// Gives staged images their names, durably: when this returns, a power loss takes none of them.
+    /// The bytes are synced before they get their name, so a name never stands for part of an image.
+    /// Each group, such as a material's images, has an answer of its own.
+    ///
+    /// # Errors
+    /// When the file system does not sync: then nobody knows what of any group is on the disk.
+    pub fn publish_each(
         &self,
-        staged: impl Iterator<Item = &'a StagedFile> + Clone,
-    ) -> Result<(), FileError> {
-        if staged.clone().next().is_none() {
+        groups: &[Vec<StagedFile>],
+    ) -> Result<Vec<Result<(), FileError>>, FileError> {
+        self.folder().publish_each(groups)
+    }
+
+    /// Gives staged images their names, durably.
+    pub fn publish(&self, staged: Vec<StagedFile>) -> Result<(), FileError> {
+        if staged.is_empty() {
             return Ok(());
         }
-        self.folder().publish(staged)
+        self.publish_each(&[staged])?.into_iter().collect()
     }
 
     /// Puts images that were checked under their names, durably, whatever was there before.
@@ -155,7 +168,7 @@ impl Blobs {
                     .iter()
                     .map(|(digest, bytes)| folder.stage(*digest, bytes))
                     .collect::<Result<Vec<_>, FileError>>()?;
-                self.publish(staged.iter())
+                self.publish(staged)
             }
             Place::Bucket(objects) => objects.put(images),
         }
@@ -259,9 +272,9 @@ mod tests {
             .map(|i| blobs.stage(digests[i as usize], &[i; 9]).unwrap())
             .collect();
         assert_eq!(blobs.size(&digests[0]).unwrap(), None);
-        blobs.publish(staged[..1].iter()).unwrap();
+        blobs.publish(staged[..1].to_vec()).unwrap();
         blobs
-            .publish(staged[..1].iter())
+            .publish(staged[..1].to_vec())
             .expect("somebody did it before");
         blobs.discard(&staged[1]);
         assert_eq!(blobs.size(&digests[0]).unwrap(), Some(9));
@@ -273,6 +286,9 @@ mod tests {
         Blobs::new(folder.path()).prepare().unwrap();
         assert_eq!(fs::read_dir(&staging).unwrap().count(), 0);
         assert_eq!(blobs.size(&digests[0]).unwrap(), Some(9));
-        assert!(blobs.publish(staged[2..].iter()).is_err(), "it was cleared");
+        assert!(
+            blobs.publish(staged[2..].to_vec()).is_err(),
+            "it was cleared"
+        );
     }
 }

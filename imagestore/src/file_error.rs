@@ -28,4 +28,17 @@ impl FileError {
             source,
         }
     }
+
+    /// The same error, for somebody else whom it concerns.
+    pub fn repeat(&self) -> Self {
+        let source = match self.source.raw_os_error() {
+            Some(code) => io::Error::from_raw_os_error(code),
+            None => io::Error::new(self.source.kind(), self.source.to_string()),
+        };
+        Self {
+            action: self.action,
+            path: self.path.clone(),
+            source,
+        }
+    }
 }

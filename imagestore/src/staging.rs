@@ -1,6 +1,6 @@
 //! Which uploaded images wait for their completion, and what each says of itself.
 
-use crate::blobs::{Blobs, StagedFile};
+use crate::blobs::StagedFile;
 use dataset::{Digest, ImageHeader};
 use jobqueue::Completion;
 use std::{
@@ -33,7 +33,7 @@ pub enum Stage {
     Published,
 }
 
-/// The staged images of one coordinator.
+/// The staged images of one coordinator. Touches no file: whoever locks it never waits for a disk.
 #[derive(Default)]
 pub struct Staging {
     images: HashMap<Digest, StagedImage>,
@@ -57,15 +57,17 @@ impl Staging {
     }
 
     /// Puts an image into the room reserved for it. Where it was staged before, the one before
-    /// stays.
-    pub fn insert(&mut self, image: StagedImage, blobs: &Blobs) {
+    /// stays, and the file of this one is returned to be discarded.
+    #[must_use = "the file is still there"]
+    pub fn insert(&mut self, image: StagedImage) -> Option<StagedFile> {
         match self.images.entry(image.file.digest) {
             Entry::Vacant(place) => {
                 place.insert(image);
+                None
             }
             Entry::Occupied(_) => {
                 self.release(image.bytes);
-                blobs.discard(&image.file);
+                Some(image.file)
             }
         }
     }
@@ -80,6 +82,15 @@ impl Staging {
     /// Whether an image is staged.
     pub fn contains(&self, digest: &Digest) -> bool {
         self.images.contains_key(digest)
+    }
+
+    /// Whether an image of a completion is staged and has no name yet.
+    pub fn awaits_publication(&self, completion: &Completion) -> bool {
+        let mut images = completion
+            .views
+            .iter()
+            .filter_map(|view| self.images.get(&view.digest));
+        images.any(|image| image.stage != Stage::Published)
     }
 
     /// Marks the images of a completion that have no name yet and returns their files.
@@ -127,17 +138,23 @@ impl Staging {
         }
     }
 
-    /// Forgets images that have been published.
+    /// Forgets images of these files, which are to be sent again. Their files are left to the caller.
     pub fn forget(&mut self, files: &[StagedFile]) {
         for file in files {
-            if let Some(image) = self.images.remove(&file.digest) {
+            // Another file may have been staged under the digest since.
+            if let Entry::Occupied(image) = self.images.entry(file.digest)
+                && image.get().file == *file
+            {
+                let image = image.remove();
                 self.release(image.bytes);
             }
         }
     }
 
-    /// Drops images whose completion never came. One that has its name keeps it, and is garbage.
-    pub fn drop_old(&mut self, now: Duration, blobs: &Blobs) {
+    /// Forgets images whose completion never came, and returns the files to be discarded. One that
+    /// has its name keeps it, and is garbage.
+    #[must_use = "the files are still there"]
+    pub fn take_old(&mut self, now: Duration) -> Vec<StagedFile> {
         let old: Vec<Digest> = self
             .images
             .iter()
@@ -147,13 +164,15 @@ impl Staging {
             })
             .map(|(digest, _)| *digest)
             .collect();
+        let mut files = Vec::new();
         for digest in old {
             if let Some(image) = self.images.remove(&digest) {
                 self.release(image.bytes);
                 if image.stage == Stage::Waiting {
-                    blobs.discard(&image.file);
+                    files.push(image.file);
                 }
             }
         }
+        files
     }
 }

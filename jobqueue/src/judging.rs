@@ -27,7 +27,10 @@ pub enum Refusal {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
     /// The token is the current lease's: it counts.
-    Current,
+    Current {
+        /// Its images would become the job's.
+        records: bool,
+    },
     /// The same was recorded before: nothing changes.
     Repeated,
 }
@@ -63,7 +66,8 @@ impl Queue {
         let state = self.state(material);
         let state = state.ok_or(Refusal::UnknownMaterial(material))?;
         if state.holder().is_some_and(|holder| holder.token == token) {
-            return Ok(Standing::Current);
+            let records = takes_images(state, fingerprint);
+            return Ok(Standing::Current { records });
         }
         let JobState::Completed {
             fingerprint: kept,
@@ -87,16 +91,7 @@ impl Queue {
     /// Whether a completion would make its images the job's, as things stand.
     pub fn would_record(&self, material: u32, token: Token, fingerprint: Digest) -> bool {
         let standing = self.standing(material, token, fingerprint);
-        standing == Ok(Standing::Current)
-            && match self.state(material) {
-                Some(JobState::Completed {
-                    fingerprint: first,
-                    check: Check::Disputed(second),
-                    ..
-                }) => fingerprint == second.fingerprint && fingerprint != *first,
-                Some(JobState::Completed { .. }) | None => false,
-                Some(_) => true,
-            }
+        standing == Ok(Standing::Current { records: true })
     }
 
     /// Completes a job, or its second or third rendering. `check` asks for a second rendering of a
@@ -224,5 +219,18 @@ impl Queue {
         let mut changes = Changes::default();
         changes.jobs.push(self.transition(material, state, now));
         changes
+    }
+}
+
+/// Whether a completion of a job in this state makes its images the job's.
+fn takes_images(state: &JobState, fingerprint: Digest) -> bool {
+    match state {
+        JobState::Completed {
+            fingerprint: first,
+            check: Check::Disputed(second),
+            ..
+        } => fingerprint == second.fingerprint && fingerprint != *first,
+        JobState::Completed { .. } => false,
+        _ => true,
     }
 }

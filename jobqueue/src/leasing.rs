@@ -20,9 +20,14 @@ pub struct Lease {
 }
 
 impl Lease {
-    /// When it ends whatever its holder says.
+    /// When it ends whatever its holder says. Until the first view is done it does not stand still:
+    /// it may wait in its worker behind another.
     fn ends(&self, policy: &Policy) -> Duration {
-        (self.progressed + policy.stall).min(self.claimed + policy.deadline)
+        let deadline = self.claimed + policy.deadline;
+        match self.views_done {
+            0 => deadline,
+            _ => deadline.min(self.progressed + policy.stall),
+        }
     }
 }
 
@@ -292,5 +297,52 @@ pub fn unleased(state: JobState) -> JobState {
             }
         }
         state => state,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HOUR: Duration = Duration::from_secs(3600);
+
+    /// Renews every 20 s from one time to another; when the lease was lost, if it was.
+    fn renewed(
+        queue: &mut Queue,
+        token: Token,
+        views: u32,
+        times: [Duration; 2],
+    ) -> Option<Duration> {
+        let mut now = times[0];
+        while now < times[1] {
+            let lost = queue.expire(now).1;
+            if !lost.is_empty() || !queue.renew(0, token, views, now) {
+                return Some(now);
+            }
+            now += Duration::from_secs(20);
+        }
+        None
+    }
+
+    #[test]
+    fn a_job_that_waits_behind_a_slow_one_is_kept_and_one_that_stands_still_is_not() {
+        let mut queue = Queue::new(1, Policy::default());
+        let worker = WorkerId::from_bytes([1; 16]);
+        let token = Token::from_bytes([2; 16]);
+        queue.admit(worker, "w");
+        assert_eq!(queue.claim(worker, &[token], Duration::ZERO).jobs.len(), 1);
+        assert_eq!(
+            renewed(&mut queue, token, 0, [Duration::ZERO, 3 * HOUR]),
+            None
+        );
+        // Its turn came.
+        let stalled = renewed(&mut queue, token, 1, [3 * HOUR, 6 * HOUR]).unwrap();
+        assert!((4 * HOUR..=4 * HOUR + Duration::from_secs(60)).contains(&stalled));
+
+        let again = Token::from_bytes([3; 16]);
+        queue.expire(5 * HOUR);
+        assert_eq!(queue.claim(worker, &[again], 5 * HOUR).jobs.len(), 1);
+        let ended = renewed(&mut queue, again, 0, [5 * HOUR, 20 * HOUR]).unwrap();
+        assert!((11 * HOUR..=11 * HOUR + Duration::from_secs(60)).contains(&ended));
     }
 }

@@ -7,7 +7,7 @@ use std::time::Duration;
 pub struct Policy {
     /// How long a lease lives without renewal.
     pub lease: Duration,
-    /// How long a lease is prolonged while its progress stands still.
+    /// How long a lease is prolonged while its progress stands still, once its first view is done.
     pub stall: Duration,
     /// How long a lease is prolonged at all.
     pub deadline: Duration,

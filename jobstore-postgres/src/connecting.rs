@@ -23,6 +23,8 @@ use tokio_postgres::{
 const SETTINGS: &str = "\
     SET synchronous_commit = on; \
     SET jit = off; \
+    SET plan_cache_mode = force_generic_plan; \
+    SET enable_bitmapscan = off; \
     SET statement_timeout = '300s'; \
     SET idle_in_transaction_session_timeout = '15s'; \
     SET tcp_keepalives_idle = 10; \
@@ -198,6 +200,19 @@ fn is_about_tls(error: &tokio_postgres::Error) -> bool {
             let cause = cause.downcast_ref::<io::Error>();
             !cause.is_some_and(of_system)
         })
+}
+
+/// Prepares statements that this connection has not prepared yet. Statements that were prepared
+/// before reach the server in the order in which their futures are first polled, so that several
+/// under way cost one round trip.
+pub(super) async fn prepare(
+    transaction: &Transaction<'_>,
+    statements: &[&str],
+) -> Result<(), Fault> {
+    for statement in statements {
+        transaction.prepare_cached(statement).await?;
+    }
+    Ok(())
 }
 
 /// Rows of a statement, which is prepared once a connection.

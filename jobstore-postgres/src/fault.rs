@@ -2,7 +2,6 @@
 
 use super::encryption;
 use deadpool_postgres::PoolError;
-use imagestore::FileError;
 use jobqueue::Refusal;
 use jobstore::{JobStoreError, ledger::LedgerError};
 use std::error::Error as _;
@@ -19,8 +18,6 @@ pub(super) enum Fault {
     Older,
     /// A store is being copied from it, or into it.
     Moving,
-    File(FileError),
-    Interrupted,
 }
 
 impl Fault {
@@ -43,6 +40,16 @@ impl Fault {
 
     pub fn damaged(what: impl ToString) -> Self {
         Self::Damaged(what.to_string())
+    }
+
+    /// What it is to whoever asked about this material.
+    pub fn of_material(&self, material: u32) -> JobStoreError {
+        let what = match self {
+            Self::Damaged(what) => what.clone(),
+            other => format!("{other:?}"),
+        };
+        let what = format!("the record of material {material}: {what}");
+        JobStoreError::Ledger(LedgerError::Damaged(what))
     }
 }
 
@@ -75,8 +82,6 @@ impl From<Fault> for JobStoreError {
             Fault::Damaged(what) => Self::Ledger(LedgerError::Damaged(what)),
             Fault::Older => Self::Ledger(LedgerError::Damaged("its schema is older".to_owned())),
             Fault::Moving => Self::Unavailable("a store is being copied".to_owned()),
-            Fault::File(error) => Self::File(error),
-            Fault::Interrupted => Self::Interrupted,
         }
     }
 }

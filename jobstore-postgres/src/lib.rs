@@ -26,8 +26,6 @@
 //! | `completions`, `images` | what was delivered |
 //! | `tallies` | how many jobs are in which stage, counted in the same transactions |
 
-mod claiming;
-mod completing;
 mod connecting;
 mod encryption;
 mod fault;
@@ -36,6 +34,7 @@ mod locked_jobs;
 mod maintenance;
 mod moving;
 mod operating;
+mod registering;
 mod schema;
 mod snapshot;
 mod sweeping;
@@ -44,6 +43,7 @@ mod sweeping;
 pub mod testing;
 #[cfg(test)]
 mod tests;
+mod turns;
 
 pub use connecting::DatabaseError;
 pub use connecting::{Database, without_secrets};
@@ -51,7 +51,6 @@ pub use maintenance::{Amendment, MaintenanceSession};
 pub use moving::Live;
 pub use schema::Identity;
 
-use completing::Completions;
 use dataset::Digest;
 use jobqueue::{
     BarCause, Changes, Mode, Policy, Selection, Standing, WorkerChange,
@@ -61,12 +60,19 @@ use jobstore::{
     Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder, JobsPage,
     Judged, Leased, Meter, Renewal, Workers, ledger::BlobPlace,
 };
-use std::{sync::Arc, time::Duration};
-use tokio::sync::watch;
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, Mutex, PoisonError},
+    time::Duration,
+};
+use tokio::sync::{Notify, watch};
+use turns::Turns;
 
-/// When workers that are not heard of count as gone.
+/// When workers that are not heard of count as gone, and how often idle ones are looked after.
 #[derive(Clone, Copy, Debug)]
 pub struct PresenceLimits {
+    /// How long those who ask for work wait for each other after there was none.
+    pub idle_pause: Duration,
     /// Before whoever knew it may dismiss it.
     pub dismissed_after: Duration,
     /// Before anybody forgets it.
@@ -78,6 +84,7 @@ impl Default for PresenceLimits {
         Self {
             dismissed_after: limits::WORKER_ABSENT,
             forgotten_after: 4 * limits::WORKER_ABSENT,
+            idle_pause: limits::DATABASE_IDLE_PAUSE,
         }
     }
 }
@@ -85,7 +92,7 @@ impl Default for PresenceLimits {
 /// One coordinator's hold on the jobs in a database.
 pub struct PostgresJobStore {
     shared: Arc<Shared>,
-    completions: Completions,
+    turns: Turns,
     failure: watch::Sender<Option<String>>,
 }
 
@@ -95,6 +102,44 @@ struct Shared {
     presence: PresenceLimits,
     context: Arc<JobStoreContext>,
     metrics: Arc<dyn Meter>,
+    // There may be work again.
+    offered: Notify,
+    // Materials whose records cannot be read: nobody is given them.
+    unreadable: Mutex<BTreeSet<i64>>,
+}
+
+impl Shared {
+    /// Wakes those who wait for a lease when there may be one.
+    fn after(&self, changes: &Changes) {
+        if changes.offer_work() {
+            self.wake();
+        }
+    }
+
+    fn wake(&self) {
+        self.offered.notify_one();
+        self.context.work.notify_waiters();
+    }
+
+    /// How long a pause without a look for leases that ran out may be before nobody was there to
+    /// renew them with.
+    fn gap_max(&self) -> Duration {
+        let longest = limits::SWEEP_GAP_MAX;
+        (self.policy.lease / 4).clamp(3 * limits::SWEEP_INTERVAL_MAX, longest)
+    }
+
+    /// Materials whose records cannot be read.
+    fn unreadable(&self) -> Vec<i64> {
+        let unreadable = self.unreadable.lock();
+        let unreadable = unreadable.unwrap_or_else(PoisonError::into_inner);
+        unreadable.iter().copied().collect()
+    }
+
+    fn pass_over(&self, materials: Vec<u32>) {
+        let unreadable = self.unreadable.lock();
+        let mut unreadable = unreadable.unwrap_or_else(PoisonError::into_inner);
+        unreadable.extend(materials.into_iter().map(i64::from));
+    }
 }
 
 impl PostgresJobStore {
@@ -112,11 +157,14 @@ impl PostgresJobStore {
             presence,
             context,
             metrics,
+            offered: Notify::new(),
+            unreadable: Mutex::default(),
         });
+        let failure = watch::channel(None).0;
         Self {
-            completions: Completions::start(Arc::clone(&shared)),
+            turns: Turns::start(Arc::clone(&shared), failure.clone()),
             shared,
-            failure: watch::channel(None).0,
+            failure,
         }
     }
 }
@@ -136,11 +184,11 @@ impl JobStore for PostgresJobStore {
     }
 
     async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError> {
-        self.shared.claim(worker, tokens).await
+        self.turns.claim(worker, tokens).await
     }
 
     async fn renew(&self, renewals: &[Renewal]) -> Result<Vec<bool>, JobStoreError> {
-        self.shared.renew(renewals).await
+        self.turns.renew(renewals).await
     }
 
     async fn standing(
@@ -149,11 +197,11 @@ impl JobStore for PostgresJobStore {
         token: Token,
         fingerprint: Digest,
     ) -> Result<Standing, JobStoreError> {
-        self.shared.standing(material, token, fingerprint).await
+        self.turns.standing(material, token, fingerprint).await
     }
 
     async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
-        self.completions.submit(delivery).await
+        self.turns.complete(delivery).await
     }
 
     async fn fail(
@@ -232,7 +280,7 @@ impl JobStore for PostgresJobStore {
         Ok(())
     }
 
-    // The database comes back, or stays away: no failure is the last.
+    // The database comes back, or stays away; only a defect of this program is for good.
     fn failure(&self) -> watch::Receiver<Option<String>> {
         self.failure.subscribe()
     }

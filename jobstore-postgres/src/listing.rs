@@ -2,10 +2,10 @@
 
 use super::{
     Shared,
-    claiming::is_finished,
     connecting::query,
     fault::{Fault, attempt},
     locked_jobs::{job, json, mode, no_farm, number, stage_name},
+    turns::is_finished,
 };
 use dataset::Digest;
 use jobqueue::{Changes, JobChange, WorkerChange};

@@ -5,20 +5,42 @@ use super::{
     fault::Fault,
 };
 use deadpool_postgres::Transaction;
+use futures_util::try_join;
 use jobqueue::{
-    BarCause, Changes, Check, Completion, JobRecord, JobState, Lease, Mode, Policy, Queue, Stage,
-    WorkerChange, WorkerRecord,
+    BarCause, Changes, Check, Completion, Holder, JobRecord, JobState, Lease, Mode, Policy, Queue,
+    Stage, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
+use jobstore::JobStoreError;
 use serde::de::DeserializeOwned;
-use std::{collections::BTreeMap, time::Duration};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    time::Duration,
+};
 use tokio_postgres::Row;
 
 /// Some jobs, locked, and the moment at which that was so.
 pub(super) struct LockedJobs {
     pub queue: Queue,
     pub now: Duration,
+    policy: Policy,
     before: BTreeMap<u32, JobRecord>,
+    // Jobs whose rows make no sense, and why. They are not in the queue.
+    unreadable: BTreeMap<u32, String>,
+}
+
+/// Rows that are locked.
+pub(super) struct LockedRows {
+    jobs: Vec<Row>,
+    leases: BTreeMap<u32, HeldLease>,
+}
+
+/// A lease, and whose it is.
+pub(super) struct HeldLease {
+    pub token: Token,
+    pub worker: WorkerId,
+    pub name: String,
+    pub lease: Lease,
 }
 
 /// Others of its kind run beside it, or none.
@@ -46,49 +68,92 @@ impl LockedJobs {
         Self {
             queue: Queue::of_some(policy, mode),
             now,
+            policy,
             before: BTreeMap::new(),
+            unreadable: BTreeMap::new(),
         }
     }
 
-    /// Adds locked jobs that have no lease.
-    pub fn add(&mut self, rows: &[Row]) -> Result<(), Fault> {
+    pub fn policy(&self) -> Policy {
+        self.policy
+    }
+
+    /// The materials of the jobs that are locked.
+    pub fn known(&self) -> Vec<i64> {
+        self.before.keys().copied().map(i64::from).collect()
+    }
+
+    /// That the row of a job made sense, where it is there.
+    pub fn check(&self, material: u32) -> Result<(), JobStoreError> {
+        match self.unreadable.get(&material) {
+            Some(why) => Err(Fault::damaged(why).of_material(material)),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds locked jobs that have no lease, those that can be read; returns the others.
+    pub fn add(&mut self, rows: &[Row]) -> Result<Vec<u32>, Fault> {
+        let mut unreadable = Vec::new();
         for row in rows {
-            let (material, record) = job(row)?;
-            self.queue.add_job(material, record.clone(), None);
-            self.before.insert(material, record);
+            let material = number(row.get(0))?;
+            if !self.add_job(material, record(row.get(1)), None) {
+                unreadable.push(material);
+            }
         }
-        Ok(())
+        Ok(unreadable)
     }
 
-    /// Locks jobs and their leases, in their order, and adds them. Those there are not are passed
-    /// over.
+    /// Adds a job, if it makes sense.
+    fn add_job(
+        &mut self,
+        material: u32,
+        record: Result<JobRecord, Fault>,
+        lease: Option<Lease>,
+    ) -> bool {
+        let whole = record.and_then(|record| {
+            if record.state.holder().is_some() == lease.is_some() {
+                Ok(record)
+            } else {
+                Err(Fault::damaged(
+                    "its record and its lease contradict each other",
+                ))
+            }
+        });
+        match whole {
+            Ok(record) => {
+                self.queue.add_job(material, record.clone(), lease);
+                self.before.insert(material, record);
+                true
+            }
+            Err(fault) => {
+                let why = fault.of_material(material).to_string();
+                tracing::error!(material, why, "a job is passed over");
+                self.unreadable.insert(material, why);
+                false
+            }
+        }
+    }
+
+    /// Locks jobs and their leases, in their order, and adds them. Those there are not, or that
+    /// make no sense, are passed over.
     pub async fn lock_jobs(
         &mut self,
         transaction: &Transaction<'_>,
         materials: &[i64],
     ) -> Result<(), Fault> {
-        if materials.is_empty() {
-            return Ok(());
-        }
-        let jobs = query(
-            transaction,
-            include_str!("sql/jobs_locked.sql"),
-            &[&materials],
-        )
-        .await?;
-        let mut leases = lock_leases(transaction, materials).await?;
-        for row in &jobs {
-            let (material, record) = job(row)?;
-            let lease = leases.remove(&material).map(|(_, _, lease)| lease);
-            if record.state.holder().is_some() != lease.is_some() {
-                return Err(Fault::damaged(format!(
-                    "job and lease of material {material} contradict each other"
-                )));
-            }
-            self.queue.add_job(material, record.clone(), lease);
-            self.before.insert(material, record);
-        }
+        let rows = lock_rows(transaction, materials, &[]).await?;
+        self.add_locked(rows)?;
         Ok(())
+    }
+
+    /// Adds jobs that are locked with their leases; returns all leases.
+    pub fn add_locked(&mut self, rows: LockedRows) -> Result<BTreeMap<u32, HeldLease>, Fault> {
+        for row in &rows.jobs {
+            let material = number(row.get(0))?;
+            let lease = rows.leases.get(&material).map(|held| held.lease.clone());
+            self.add_job(material, record(row.get(1)), lease);
+        }
+        Ok(rows.leases)
     }
 
     /// Adds the histories of workers. Only for who runs alone.
@@ -109,6 +174,33 @@ impl LockedJobs {
         Ok(())
     }
 
+    /// Adds all jobs that workers of these names hold, and where `vouched` those that they vouch
+    /// for or contradict. Only for who runs alone.
+    pub async fn add_all_of(
+        &mut self,
+        transaction: &Transaction<'_>,
+        names: &[&str],
+        vouched: bool,
+    ) -> Result<(), Fault> {
+        if names.is_empty() {
+            return Ok(());
+        }
+        let statement = include_str!("sql/held_by_names.sql");
+        let mut rows = query(transaction, statement, &[&names]).await?;
+        if vouched {
+            let statement = include_str!("sql/vouched.sql");
+            rows.extend(query(transaction, statement, &[&names]).await?);
+        }
+        let mut materials: BTreeSet<i64> = BTreeSet::new();
+        for row in &rows {
+            if self.queue.job(number(row.get(0))?).is_none() {
+                materials.insert(row.get(0));
+            }
+        }
+        let materials: Vec<i64> = materials.into_iter().collect();
+        self.lock_jobs(transaction, &materials).await
+    }
+
     /// Writes what changed, and what was completed.
     pub async fn write(
         &self,
@@ -123,18 +215,18 @@ impl LockedJobs {
         let jobs: BTreeMap<u32, &JobRecord> = jobs
             .map(|change| (change.material, &change.record))
             .collect();
-        if !jobs.is_empty() {
-            write_jobs(transaction, &jobs).await?;
-            self.write_leases(transaction, &jobs).await?;
-        }
-        self.write_workers(transaction, changes).await?;
-        if let Some(mode) = changes.mode {
-            let mode = text(&mode)?;
-            execute(transaction, include_str!("sql/write_mode.sql"), &[&mode]).await?;
-        }
-        write_completions(transaction, completions).await?;
-        // The last: it is what transactions of connections that share a shard wait for.
-        self.tally(transaction, &jobs).await
+        // No two of them write the same rows, so that they may be under way together. The last is
+        // what transactions of connections that share a shard wait for.
+        try_join!(
+            write_jobs(transaction, &jobs),
+            self.write_leases(transaction, &jobs),
+            self.write_workers(transaction, changes),
+            write_mode(transaction, changes.mode),
+            write_completions(transaction, completions),
+            write_images(transaction, completions),
+            self.tally(transaction, &jobs),
+        )?;
+        Ok(())
     }
 
     async fn write_leases(
@@ -156,38 +248,10 @@ impl LockedJobs {
                 }
             }
         }
-        if !ended.is_empty() {
-            execute(transaction, include_str!("sql/end_leases.sql"), &[&ended]).await?;
-        }
-        if held.is_empty() {
-            return Ok(());
-        }
-        let materials: Vec<i64> = held.iter().map(|held| held.0).collect();
-        let tokens: Vec<Vec<u8>> = held.iter().map(|held| held.1.token.to_message()).collect();
-        let workers: Vec<Vec<u8>> = held.iter().map(|held| held.1.worker.to_message()).collect();
-        let names: Vec<&str> = held.iter().map(|held| held.1.name.as_str()).collect();
-        let claimed: Vec<i64> = held.iter().map(|held| ms(held.2.claimed)).collect();
-        let expires: Vec<i64> = held.iter().map(|held| ms(held.2.expires)).collect();
-        let views: Vec<i64> = held
-            .iter()
-            .map(|held| i64::from(held.2.views_done))
-            .collect();
-        let progressed: Vec<i64> = held.iter().map(|held| ms(held.2.progressed)).collect();
-        execute(
-            transaction,
-            include_str!("sql/write_leases.sql"),
-            &[
-                &materials,
-                &tokens,
-                &workers,
-                &names,
-                &claimed,
-                &expires,
-                &views,
-                &progressed,
-            ],
-        )
-        .await?;
+        try_join!(
+            end_leases(transaction, &ended),
+            write_leases(transaction, &held)
+        )?;
         Ok(())
     }
 
@@ -290,34 +354,115 @@ pub(super) async fn lock(transaction: &Transaction<'_>, lock_mode: LockMode) -> 
     Ok(())
 }
 
-/// Locks leases, in their order; their tokens, holders' names and times.
-pub(super) async fn lock_leases(
+/// Locks jobs and their leases, and leases of other jobs. All leases are locked in their order after
+/// all jobs in theirs, so that no two transactions wait for each other.
+pub(super) async fn lock_rows(
     transaction: &Transaction<'_>,
     materials: &[i64],
-) -> Result<BTreeMap<u32, (Token, (WorkerId, String), Lease)>, Fault> {
+    of_others: &[i64],
+) -> Result<LockedRows, Fault> {
+    let leases: BTreeSet<i64> = materials.iter().chain(of_others).copied().collect();
+    let leases: Vec<i64> = leases.into_iter().collect();
+    let (jobs, leases) = try_join!(
+        lock_jobs(transaction, materials),
+        lock_leases(transaction, &leases)
+    )?;
+    Ok(LockedRows { jobs, leases })
+}
+
+async fn lock_jobs(transaction: &Transaction<'_>, materials: &[i64]) -> Result<Vec<Row>, Fault> {
+    if materials.is_empty() {
+        return Ok(Vec::new());
+    }
+    let statement = include_str!("sql/jobs_locked.sql");
+    query(transaction, statement, &[&materials]).await
+}
+
+/// Locks leases, in their order. One whose row makes no sense is none.
+async fn lock_leases(
+    transaction: &Transaction<'_>,
+    materials: &[i64],
+) -> Result<BTreeMap<u32, HeldLease>, Fault> {
+    if materials.is_empty() {
+        return Ok(BTreeMap::new());
+    }
     let statement = include_str!("sql/leases_locked.sql");
     let rows = query(transaction, statement, &[&materials]).await?;
-    let leases = rows.iter().map(|row| {
-        let token = Token::from_message(row.get(1));
-        let worker = WorkerId::from_message(row.get(2));
-        let (Some(token), Some(worker)) = (token, worker) else {
-            return Err(Fault::damaged("a lease has no token or no worker"));
+    let lease = |row: &Row| {
+        let lease = HeldLease {
+            token: Token::from_message(row.get(1))?,
+            worker: WorkerId::from_message(row.get(2))?,
+            name: row.get(3),
+            lease: Lease {
+                claimed: time(row.get(4)),
+                expires: time(row.get(5)),
+                views_done: number(row.get(6)).ok()?,
+                progressed: time(row.get(7)),
+            },
         };
-        let lease = Lease {
-            claimed: time(row.get(4)),
-            expires: time(row.get(5)),
-            views_done: number(row.get(6))?,
-            progressed: time(row.get(7)),
-        };
-        Ok((number(row.get(0))?, (token, (worker, row.get(3)), lease)))
-    });
-    leases.collect()
+        Some((number(row.get(0)).ok()?, lease))
+    };
+    Ok(rows.iter().filter_map(lease).collect())
+}
+
+async fn end_leases(transaction: &Transaction<'_>, ended: &[i64]) -> Result<(), Fault> {
+    if !ended.is_empty() {
+        execute(transaction, include_str!("sql/end_leases.sql"), &[&ended]).await?;
+    }
+    Ok(())
+}
+
+async fn write_leases(
+    transaction: &Transaction<'_>,
+    held: &[(i64, &Holder, &Lease)],
+) -> Result<(), Fault> {
+    if held.is_empty() {
+        return Ok(());
+    }
+    let materials: Vec<i64> = held.iter().map(|held| held.0).collect();
+    let tokens: Vec<Vec<u8>> = held.iter().map(|held| held.1.token.to_message()).collect();
+    let workers: Vec<Vec<u8>> = held.iter().map(|held| held.1.worker.to_message()).collect();
+    let names: Vec<&str> = held.iter().map(|held| held.1.name.as_str()).collect();
+    let claimed: Vec<i64> = held.iter().map(|held| ms(held.2.claimed)).collect();
+    let expires: Vec<i64> = held.iter().map(|held| ms(held.2.expires)).collect();
+    let views: Vec<i64> = held
+        .iter()
+        .map(|held| i64::from(held.2.views_done))
+        .collect();
+    let progressed: Vec<i64> = held.iter().map(|held| ms(held.2.progressed)).collect();
+    execute(
+        transaction,
+        include_str!("sql/write_leases.sql"),
+        &[
+            &materials,
+            &tokens,
+            &workers,
+            &names,
+            &claimed,
+            &expires,
+            &views,
+            &progressed,
+        ],
+    )
+    .await?;
+    Ok(())
+}
+
+async fn write_mode(transaction: &Transaction<'_>, mode: Option<Mode>) -> Result<(), Fault> {
+    if let Some(mode) = mode {
+        let mode = text(&mode)?;
+        execute(transaction, include_str!("sql/write_mode.sql"), &[&mode]).await?;
+    }
+    Ok(())
 }
 
 async fn write_jobs(
     transaction: &Transaction<'_>,
     jobs: &BTreeMap<u32, &JobRecord>,
 ) -> Result<(), Fault> {
+    if jobs.is_empty() {
+        return Ok(());
+    }
     let materials: Vec<i64> = jobs.keys().map(|material| i64::from(*material)).collect();
     let stages: Vec<&str> = jobs
         .values()
@@ -392,7 +537,14 @@ async fn write_completions(
     let texts = texts.collect::<Result<Vec<String>, Fault>>()?;
     let statement = include_str!("sql/write_completions.sql");
     execute(transaction, statement, &[&materials, &texts]).await?;
-    let images = last.values().flat_map(|completion| {
+    Ok(())
+}
+
+async fn write_images(
+    transaction: &Transaction<'_>,
+    completions: &[&Completion],
+) -> Result<(), Fault> {
+    let images = completions.iter().flat_map(|completion| {
         let views = (0..).zip(&completion.views);
         views.map(|(view, image): (i32, _)| {
             let place = (i64::from(completion.material), view, image.bytes as i64);
@@ -400,6 +552,9 @@ async fn write_completions(
         })
     });
     let images: BTreeMap<&[u8], (i64, i32, i64)> = images.collect();
+    if images.is_empty() {
+        return Ok(());
+    }
     let digests: Vec<&[u8]> = images.keys().copied().collect();
     let materials: Vec<i64> = images.values().map(|place| place.0).collect();
     let views: Vec<i32> = images.values().map(|place| place.1).collect();

@@ -35,7 +35,7 @@ impl Shared {
         // Other coordinators give work back as well, and nobody tells.
         let offered = counts.pending + counts.checks + counts.disputed > 0;
         if overview.finished || offered {
-            self.context.work.notify_waiters();
+            self.wake();
         }
         Ok(all)
     }

@@ -5,7 +5,11 @@ use imagestore::{
     blobs::{Blobs, StagedFile},
     staging::Staging,
 };
-use std::sync::{Mutex, MutexGuard, PoisonError, atomic::AtomicU64};
+use jobqueue::Completion;
+use std::sync::{
+    Mutex, MutexGuard, PoisonError,
+    atomic::{AtomicU64, Ordering},
+};
 use tokio::sync::Notify;
 
 type Changed = dyn Fn(&JobStoreContext, Overview) + Send + Sync;
@@ -47,10 +51,18 @@ impl JobStoreContext {
         self.staging.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Forgets images that have been published.
-    pub fn forget(&self, images: &[StagedFile]) {
-        if !images.is_empty() {
-            self.staging().forget(images);
+    /// Notes that a completion is recorded: its images are the job's now, and no longer staged.
+    pub fn note_recorded(&self, completion: &Completion) {
+        self.staging().forget_published(completion);
+        self.bytes_received
+            .fetch_add(completion.bytes(), Ordering::Relaxed);
+    }
+
+    /// Drops staged images, which are to be sent again, with their files.
+    pub fn drop_staged(&self, files: &[StagedFile]) {
+        self.staging().forget(files);
+        for file in files {
+            self.blobs.discard(file);
         }
     }
 

@@ -11,6 +11,7 @@
 //! | `commit`, `group` | what makes its transitions durable, many at a time |
 //! | [`ledger`] | jobs, completions and the index of images, in sled |
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
+//! | `publisher` | staged images get their names before their completion is recorded |
 //! | `recovery` | ledger and log brought to agree |
 //! | [`kept`] | what a copy of a store copies |
 //!
@@ -28,12 +29,14 @@ mod meter;
 #[cfg(any(test, feature = "conformance"))]
 #[allow(clippy::unwrap_used, reason = "a suite of tests")]
 pub mod model;
+mod publisher;
 mod recovery;
 
 pub use context::JobStoreContext;
 pub use group::NotDurable;
 pub use local::LocalJobStore;
 pub use meter::Meter;
+pub use publisher::{PublishError, Publisher};
 pub use recovery::{Recovered, Recovery, recover};
 
 use crate::ledger::{BlobPlace, LedgerError};
@@ -64,6 +67,9 @@ pub enum JobStoreError {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The completion names a staged image that has no name yet: publish it first.
+    #[error("an image of material {0} is not published yet")]
+    Unpublished(u32),
     /// The database is out of reach, for this reason.
     #[error("the database is away: {0}")]
     Unavailable(String),
@@ -90,6 +96,8 @@ pub struct Overview {
 pub struct Leased {
     /// The leases, each with its material.
     pub jobs: Vec<(Token, u32)>,
+    /// What the worker calls itself; none where it is not registered.
+    pub name: Option<String>,
     /// Nothing is left to do, now or later.
     pub finished: bool,
     /// The farm is being drained.
@@ -218,8 +226,8 @@ pub trait JobStore: Send + Sync {
         fingerprint: Digest,
     ) -> Result<Standing, JobStoreError>;
 
-    /// Completes a job, or its second or third rendering. Staged images are published where they
-    /// become the job's.
+    /// Completes a job, or its second or third rendering. Refuses what would record a staged image
+    /// that is not published.
     async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError>;
 
     /// Records a failure that the holder of a lease reports.

@@ -67,19 +67,11 @@ impl LocalJobStore {
     ) -> Result<Self, FileError> {
         let queue = Arc::new(Mutex::new(queue));
         let committed = Arc::clone(&queue);
-        let (named, around) = (Arc::clone(&context), Arc::clone(&context));
-        let committer = Committer::start(
-            context.blobs.clone(),
-            log,
-            Arc::clone(&ledger),
-            metrics,
-            move |images| named.staging().published(images),
-            move |images| {
-                around.forget(images);
-                let overview = overview(&lock(&committed));
-                around.publish(overview);
-            },
-        )?;
+        let around = Arc::clone(&context);
+        let committer = Committer::start(log, Arc::clone(&ledger), metrics, move || {
+            let overview = overview(&lock(&committed));
+            around.publish(overview);
+        })?;
         let job_store = Self {
             queue,
             committer,
@@ -102,10 +94,9 @@ impl LocalJobStore {
         context: Arc<JobStoreContext>,
         clock: Clock,
     ) -> Self {
-        let blobs = context.blobs.clone();
         Self {
             queue: Arc::new(Mutex::new(queue)),
-            committer: Committer::without_thread(blobs, log, Arc::clone(&ledger)),
+            committer: Committer::without_thread(log, Arc::clone(&ledger)),
             ledger,
             context,
             clock,
@@ -194,8 +185,10 @@ impl JobStore for LocalJobStore {
             let mut queue = self.lock();
             let finished = queue.is_finished();
             let draining = queue.mode() == Mode::Draining;
+            let name = queue.name(worker).map(str::to_owned);
             if finished || draining {
                 return Ok(Leased {
+                    name,
                     finished,
                     draining,
                     ..Leased::default()
@@ -204,11 +197,11 @@ impl JobStore for LocalJobStore {
             let changes = queue.claim(worker, tokens, self.now());
             let pending = self.submit(&changes);
             let materials = changes.jobs.iter().map(|change| change.material);
-            let name = queue.name(worker);
-            let bar = name.and_then(|name| queue.bar_of(name));
+            let bar = name.as_ref().and_then(|name| queue.bar_of(name));
             let leased = Leased {
                 jobs: tokens.iter().copied().zip(materials).collect(),
                 barred: bar.map(|bar| bar.reason.clone()),
+                name,
                 ..Leased::default()
             };
             (leased, pending)
@@ -252,14 +245,13 @@ impl JobStore for LocalJobStore {
         } = delivery;
         let material = completion.material;
         let fingerprint = completion.fingerprint();
-        if self.lock().would_record(material, token, fingerprint) {
-            let images = self.context.staging().begin_publishing(&completion);
-            if !images.is_empty() {
-                self.committer.publish(images).durable().await?;
-            }
-        }
         let (judged, pending) = {
             let mut queue = self.lock();
+            if queue.would_record(material, token, fingerprint)
+                && self.context.staging().awaits_publication(&completion)
+            {
+                return Err(JobStoreError::Unpublished(material));
+            }
             let holder = queue.holder(material).cloned();
             let (verdict, changes) =
                 queue.complete(material, token, fingerprint, check, self.now())?;
@@ -269,12 +261,7 @@ impl JobStore for LocalJobStore {
             };
             if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder)
             {
-                let mut staging = self.context.staging();
-                staging.forget_published(&completion);
-                transition.images = staging.begin_publishing(&completion);
-                drop(staging);
-                let received = &self.context.bytes_received;
-                received.fetch_add(completion.bytes(), Ordering::Relaxed);
+                self.context.note_recorded(&completion);
                 completion.worker.clone_from(&holder.name);
                 transition.completion = Some(completion);
             }

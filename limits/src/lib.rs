@@ -10,7 +10,7 @@ use std::time::Duration;
 pub const LEASE: Duration = Duration::from_secs(60);
 
 /// How long a lease is prolonged while its progress stands still: the longest that one view may
-/// take.
+/// take after the first. Before that a job may wait in its worker behind another.
 pub const STALL: Duration = Duration::from_secs(3600);
 
 /// How long a lease is prolonged at all: the longest that one material may take.
@@ -131,8 +131,11 @@ pub const DATABASE_SILENCE_MAX: Duration = Duration::from_secs(20);
 /// Attempts at a transaction that others stand in the way of.
 pub const DATABASE_ATTEMPTS_MAX: u32 = 5;
 
-/// Completions that one transaction makes durable together.
+/// Claims that one transaction makes durable together, and as many completions and the like.
 pub const DATABASE_BATCH_MAX: usize = 256;
+
+/// How long workers that ask a database for work wait for each other after there was none.
+pub const DATABASE_IDLE_PAUSE: Duration = Duration::from_millis(250);
 
 /// Jobs that one transaction of an operator's order, or of a sweep, changes.
 pub const DATABASE_PAGE_MAX: i64 = 10_000;

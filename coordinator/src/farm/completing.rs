@@ -13,7 +13,7 @@ use imagestore::{
     validation::{self, Rejection},
 };
 use jobqueue::{Completion, Standing, Verdict, token::Token};
-use jobstore::{Delivery, Judged, ledger::BlobPlace};
+use jobstore::{Delivery, JobStoreError, Judged, PublishError, ledger::BlobPlace};
 
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]
@@ -54,7 +54,7 @@ impl Farm {
             .job_store
             .standing(material, token, fingerprint)
             .await?;
-        if standing == Standing::Current {
+        if let Standing::Current { records } = standing {
             let taken_in = brought
                 .into_iter()
                 .map(|image| self.put_blob(image.digest, image.bytes, image.data));
@@ -71,6 +71,9 @@ impl Farm {
             if !missing.is_empty() {
                 return Ok(Outcome::Missing(missing));
             }
+            if records && let Some(missing) = self.publish_images(&completion).await? {
+                return Ok(Outcome::Missing(missing));
+            }
         }
         let draw = u64::from_ne_bytes(random()?) % 1_000_000;
         let delivery = Delivery {
@@ -78,7 +81,17 @@ impl Farm {
             completion,
             check: draw < u64::from(self.checks_per_million),
         };
-        let judged = self.job_store.complete(delivery).await?;
+        let judged = loop {
+            match self.job_store.complete(delivery.clone()).await {
+                // Sent again while it was about to be recorded.
+                Err(JobStoreError::Unpublished(_)) => {
+                    if let Some(missing) = self.publish_images(&delivery.completion).await? {
+                        return Ok(Outcome::Missing(missing));
+                    }
+                }
+                judged => break judged?,
+            }
+        };
         if let Some(settled) = uploads {
             settled.clear();
         }
@@ -96,6 +109,25 @@ impl Farm {
             Verdict::Repeated => Outcome::Repeated,
             _ => Outcome::Recorded,
         })
+    }
+
+    /// Gives the staged images of a completion their names. Where one has vanished from the disk
+    /// returns all that are to be sent again.
+    async fn publish_images(
+        &self,
+        completion: &Completion,
+    ) -> Result<Option<Vec<Digest>>, FarmError> {
+        match self.publisher.publish(completion).await {
+            Ok(()) => Ok(None),
+            Err(PublishError::Gone(error)) => {
+                let material = completion.material;
+                tracing::error!(material, %error, "a staged image is gone, and is asked for again");
+                let missing = self.missing_images(completion).await?;
+                Ok((!missing.is_empty()).then_some(missing))
+            }
+            Err(PublishError::File(error)) => Err(FarmError::File(error)),
+            Err(PublishError::Stopped) => Err(FarmError::Interrupted),
+        }
     }
 
     /// Which images of a completion are neither staged nor in the store.

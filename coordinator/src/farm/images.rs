@@ -74,7 +74,6 @@ impl Farm {
                 .and_then(|()| validation::inspect(bytes, &film))
                 .map_err(FarmError::from)
                 .and_then(|header| Ok((header, context.blobs.stage(digest, bytes)?)));
-            let mut staging = context.staging();
             match staged {
                 Ok((header, file)) => {
                     let image = StagedImage {
@@ -84,11 +83,14 @@ impl Farm {
                         since: shared.now(),
                         stage: Stage::Waiting,
                     };
-                    staging.insert(image, &context.blobs);
+                    let unused = context.staging().insert(image);
+                    if let Some(unused) = unused {
+                        context.blobs.discard(&unused);
+                    }
                     Ok(())
                 }
                 Err(error) => {
-                    staging.release(size);
+                    context.staging().release(size);
                     Err(error)
                 }
             }

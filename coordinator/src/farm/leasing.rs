@@ -13,7 +13,10 @@ use jobqueue::{
 use jobstore::{Failed, JobStoreError, Leased, Renewal};
 use limits::protocol::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
 use std::{collections::HashSet, time::Duration};
-use tokio::time::{Instant, timeout_at};
+use tokio::{
+    task::spawn_blocking,
+    time::{Instant, timeout_at},
+};
 
 impl Farm {
     pub async fn register(
@@ -59,7 +62,7 @@ impl Farm {
             .map(|_| Ok(Token::from_bytes(random()?)))
             .collect::<Result<Vec<Token>, FarmError>>()?;
         let mut stopping = self.stopping.clone();
-        let name = self.hear_of(worker).await?;
+        self.hear_of(worker).await?;
         loop {
             // Listening begins before looking, so that nothing is missed in between.
             let work = self.context.work.notified();
@@ -69,9 +72,13 @@ impl Farm {
                 return Ok(Leased::default());
             }
             let leased = self.job_store.claim(worker, &tokens).await?;
+            let Some(name) = &leased.name else {
+                self.shared.lock().presence.remove(worker);
+                return Err(FarmError::UnknownWorker(worker));
+            };
             if !leased.jobs.is_empty() {
                 self.metrics.note_leases(leased.jobs.len());
-                self.tell_leased(&name, &leased.jobs);
+                self.tell_leased(name, &leased.jobs);
                 return Ok(leased);
             }
             if leased.finished || leased.draining {
@@ -137,10 +144,7 @@ impl Farm {
     /// drops images that nobody completed. Returns how long it can be before the next call.
     pub async fn sweep(&self) -> Result<Duration, JobStoreError> {
         let now = self.shared.now();
-        {
-            let blobs = &self.context.blobs;
-            self.context.staging().drop_old(now, blobs);
-        }
+        self.drop_old_images(now).await;
         let expired = self.job_store.expire().await?;
         self.forget_absent(now).await?;
         for lease in expired.lost {
@@ -151,6 +155,19 @@ impl Farm {
         // Leases that are handed out during the pause run out no sooner than this.
         let longest = limits::SWEEP_INTERVAL_MAX.min(self.policy.lease);
         Ok(expired.next.unwrap_or(longest).min(longest))
+    }
+
+    /// Drops staged images whose completion never came.
+    async fn drop_old_images(&self, now: Duration) {
+        let files = self.context.staging().take_old(now);
+        if files.is_empty() {
+            return;
+        }
+        let blobs = self.context.blobs.clone();
+        let discarded = spawn_blocking(move || files.iter().for_each(|file| blobs.discard(file)));
+        if let Err(error) = discarded.await {
+            tracing::warn!(%error, "old staged images are left where they are");
+        }
     }
 
     /// Forgets workers that were not heard of for long and hold nothing.
@@ -178,16 +195,17 @@ impl Farm {
         self.job_store.dismiss(&idle).await
     }
 
-    /// Notes that a worker called; returns its name.
-    async fn hear_of(&self, worker: WorkerId) -> Result<String, FarmError> {
+    /// Notes that a worker called. One that this process has not heard of is looked up: it may have
+    /// registered with another.
+    async fn hear_of(&self, worker: WorkerId) -> Result<(), FarmError> {
         let now = self.shared.now();
-        let known = self.shared.lock().presence.heard_of(worker, now);
-        let name = self.job_store.name(worker).await?;
-        let name = name.ok_or(FarmError::UnknownWorker(worker))?;
-        if !known {
-            self.enroll(worker)?;
+        if self.shared.lock().presence.heard_of(worker, now) {
+            return Ok(());
         }
-        Ok(name)
+        match self.job_store.name(worker).await? {
+            Some(_) => self.enroll(worker),
+            None => Err(FarmError::UnknownWorker(worker)),
+        }
     }
 
     fn enroll(&self, worker: WorkerId) -> Result<(), FarmError> {

@@ -27,7 +27,9 @@ use datastore::{AnyStore, SharedStore, Store};
 use events::Events;
 use imagestore::blobs::Blobs;
 use jobqueue::{Policy, Queue, Selection, Stage};
-use jobstore::{JobStore, JobStoreContext, JobStoreError, JobsOrder, LocalJobStore, Overview};
+use jobstore::{
+    JobStore, JobStoreContext, JobStoreError, JobsOrder, LocalJobStore, Overview, Publisher,
+};
 use jobstore_postgres::{PostgresJobStore, PresenceLimits};
 use std::{
     collections::HashSet,
@@ -65,6 +67,7 @@ pub(crate) struct Farm {
     shared: Arc<Shared>,
     job_store: Arc<dyn JobStore>,
     context: Arc<JobStoreContext>,
+    publisher: Publisher,
     uploads: UploadSlots,
     checks_per_million: u32,
     metrics: Arc<Metrics>,
@@ -123,6 +126,9 @@ impl Farm {
             AnyStore::Own(store) => own_job_store(*store, options, &metrics, &shared).await?,
             AnyStore::Shared(store) => shared_job_store(*store, options, &metrics, &shared).await?,
         };
+        let meter = Arc::<Metrics>::clone(&metrics);
+        let (publisher, publishing) = Publisher::new(Arc::clone(&context), meter);
+        tokio::spawn(publishing);
         let farm = Self {
             specification_hash: specification.hash(),
             specification,
@@ -130,6 +136,7 @@ impl Farm {
             shared,
             job_store,
             context,
+            publisher,
             uploads: UploadSlots::new(uploads_at_once()),
             checks_per_million: options.checks_per_million,
             metrics,

@@ -82,7 +82,10 @@ fn board_kind(error: &JobStoreError) -> (Code, &'static str) {
         JobStoreError::Unavailable(_) => (Code::Unavailable, "DATABASE_AWAY"),
         JobStoreError::File(error) if is_full(error) => (Code::ResourceExhausted, "DISK_FULL"),
         JobStoreError::File(_) => (Code::Internal, "SYSTEM"),
-        JobStoreError::Interrupted => (Code::Unavailable, "INTERRUPTED"),
+        // The farm publishes and tries again.
+        JobStoreError::Unpublished(_) | JobStoreError::Interrupted => {
+            (Code::Unavailable, "INTERRUPTED")
+        }
         JobStoreError::Ledger(_) => (Code::Internal, "SYSTEM"),
     }
 }

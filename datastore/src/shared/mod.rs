@@ -342,7 +342,7 @@ mod tests {
         drop(two.blobs.stage(digest, b"image").unwrap());
         drop(two);
         let three = open(4, None).await.unwrap();
-        one.blobs.publish([&staged].into_iter()).unwrap();
+        one.blobs.publish(vec![staged]).unwrap();
         assert_eq!(three.blobs.size(&digest).unwrap(), Some(5));
         let folders = fs::read_dir(images.path().join("staging")).unwrap();
         assert_eq!(folders.count(), 4, "a folder and a lock for each of two");

@@ -51,6 +51,6 @@ pub fn make_store(
         }
         completions.push(completion);
     }
-    blobs.publish(staged.iter()).unwrap();
+    blobs.publish(staged).unwrap();
     log.append(&completions).unwrap();
 }

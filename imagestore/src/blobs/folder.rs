@@ -65,28 +65,35 @@ impl Folder {
         Ok(StagedFile { digest, path })
     }
 
-    pub fn publish<'a>(
+    pub fn publish_each(
         &self,
-        staged: impl Iterator<Item = &'a StagedFile>,
-    ) -> Result<(), FileError> {
+        groups: &[Vec<StagedFile>],
+    ) -> Result<Vec<Result<(), FileError>>, FileError> {
         sync_file_system(&self.root)?;
-        for file in staged {
-            let path = self.path(&file.digest);
-            let mut renamed = fs::rename(&file.path, &path);
-            // There are 256 folders, so nearly always it is there.
-            if let (Err(error), Some(folder)) = (&renamed, path.parent())
-                && error.kind() == io::ErrorKind::NotFound
-            {
-                fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
-                renamed = fs::rename(&file.path, &path);
-            }
-            // A completion that is reported twice at one time publishes its images twice.
-            if renamed.is_err() && !file.path.exists() && path.exists() {
-                continue;
-            }
-            renamed.map_err(FileError::new("rename to", &path))?;
+        let named = groups
+            .iter()
+            .map(|files| files.iter().try_for_each(|file| self.name(file)));
+        let named = named.collect();
+        sync_file_system(&self.root)?;
+        Ok(named)
+    }
+
+    /// Gives a staged image its name; syncs nothing.
+    fn name(&self, file: &StagedFile) -> Result<(), FileError> {
+        let path = self.path(&file.digest);
+        let mut renamed = fs::rename(&file.path, &path);
+        // There are 256 folders, so nearly always it is there.
+        if let (Err(error), Some(folder)) = (&renamed, path.parent())
+            && error.kind() == io::ErrorKind::NotFound
+        {
+            fs::create_dir_all(folder).map_err(FileError::new("make", folder))?;
+            renamed = fs::rename(&file.path, &path);
         }
-        sync_file_system(&self.root)
+        // A completion that is reported twice at one time publishes its images twice.
+        if renamed.is_err() && !file.path.exists() && path.exists() {
+            return Ok(());
+        }
+        renamed.map_err(FileError::new("rename to", &path))
     }
 
     pub fn path(&self, digest: &Digest) -> PathBuf {

@@ -1,5 +1,5 @@
 SELECT material, record FROM jobs
-WHERE stage = 'pending' AND failed_on <> '{}' AND $1 = ANY (failed_on)
+WHERE stage = 'pending' AND failed_on <> '{}' AND failed_on && $1::text[] AND material <> ALL ($3)
     AND NOT EXISTS (SELECT FROM able WHERE NOT able.name = ANY (jobs.failed_on))
 ORDER BY priority DESC, material
 LIMIT $2

@@ -1,1 +1,1 @@
-SELECT material, token FROM leases WHERE worker = $1 AND token = ANY ($2)
+SELECT material, token FROM leases WHERE worker = ANY ($1) AND token = ANY ($2)

@@ -1,1 +1,2 @@
-SELECT name FROM workers WHERE name = ANY ($1) AND failing
+SELECT name FROM workers
+WHERE failing AND name = ANY (ARRAY(SELECT name FROM leases WHERE material = ANY ($1)))

@@ -1,1 +1,1 @@
-SELECT name, now_ms() - seen_ms FROM sessions WHERE worker = $1
+SELECT name FROM sessions WHERE worker = $1

@@ -1,1 +1,1 @@
-UPDATE sessions SET seen_ms = now_ms() WHERE worker = $1
+UPDATE sessions SET seen_ms = now_ms() WHERE worker = ANY ($1)

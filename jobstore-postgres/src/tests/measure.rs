@@ -1,13 +1,14 @@
 //! How fast it is with three million jobs, and whether it stays small: `tests/postgres.sh measure`.
 
-use super::{PresenceLimits, delivery, job_store, make, tokens, worker};
+use super::{PresenceLimits, job_store, make, tokens, worker};
 use crate::testing::{Server, client, schema_in};
-use jobqueue::Policy;
-use jobstore::{JobStore, Renewal};
+use dataset::Digest;
+use jobqueue::{Completion, Policy, token::Token};
+use jobstore::{Delivery, JobStore, Renewal};
 use std::{
     env,
     sync::{
-        Arc,
+        Arc, OnceLock,
         atomic::{AtomicU64, Ordering},
     },
     time::{Duration, Instant},
@@ -16,24 +17,62 @@ use tokio::task::JoinSet;
 
 const MATERIALS: u32 = 3_000_000;
 
+/// As many as the paper's; BRDFARM_MEASURE_VIEWS takes another number.
+const VIEWS: u32 = 14;
+
+/// What one transaction of plain SQL claims or completes.
+const PLAIN_BATCH: i64 = 64;
+
 /// Leases that are held and renewed all along, as by so many workers.
 const HELD: usize = 960;
+
+/// Nobody pays for what those before left behind.
+const SWEPT: &str = "VACUUM jobs, leases, tallies, images, completions";
 
 fn seconds(name: &str, default: u64) -> Duration {
     let given = env::var(name).map(|given| given.parse().expect("seconds"));
     Duration::from_secs(given.unwrap_or(default))
 }
 
-/// Claims, renews and completes one job after another.
+fn views() -> &'static u32 {
+    static GIVEN: OnceLock<u32> = OnceLock::new();
+    GIVEN.get_or_init(|| {
+        let given = env::var("BRDFARM_MEASURE_VIEWS").map(|given| given.parse().expect("views"));
+        given.unwrap_or(VIEWS)
+    })
+}
+
+fn completion(material: u32) -> Completion {
+    let of_view = |view: u32| {
+        let image = [material.to_be_bytes(), view.to_be_bytes()].concat();
+        Completion::sample(material, &image).views.remove(0)
+    };
+    Completion {
+        views: (0..*views()).map(of_view).collect(),
+        ..Completion::sample(material, &[])
+    }
+}
+
+fn delivery(material: u32, token: Token) -> Delivery {
+    Delivery {
+        token,
+        completion: completion(material),
+        check: false,
+    }
+}
+
+/// Claims and completes one job after another.
 async fn work(job_store: Arc<dyn JobStore>, number: u32, done: Arc<AtomicU64>) {
     let id = worker(number);
     job_store.admit(id, &format!("w{number}")).await.unwrap();
     loop {
-        // As a coordinator does at each call: who is never heard of is forgotten.
-        assert!(job_store.name(id).await.unwrap().is_some());
         let leased = job_store.claim(id, &tokens(1)).await.unwrap();
         for (token, material) in leased.jobs {
-            job_store.complete(delivery(material, token)).await.unwrap();
+            let delivery = delivery(material, token);
+            let fingerprint = delivery.completion.fingerprint();
+            let standing = job_store.standing(material, token, fingerprint);
+            standing.await.unwrap();
+            job_store.complete(delivery).await.unwrap();
             done.fetch_add(1, Ordering::Relaxed);
         }
     }
@@ -71,6 +110,84 @@ async fn hold(job_store: Arc<dyn JobStore>, renewed: Arc<AtomicU64>) {
             tokio::time::sleep(Duration::from_millis(333)).await;
         }
     }
+}
+
+/// Writes what claims and completions write, a batch at a time, and looks at nothing: the most that
+/// the database gives.
+async fn plain(url: String, first: i64, done: Arc<AtomicU64>) {
+    let mut client = client(&url).await;
+    let claim = client
+        .prepare(
+            "WITH claimed AS ( \
+                 UPDATE jobs SET stage = 'leased', record = repeat('x', 150) \
+                 WHERE material = ANY ($1) RETURNING material) \
+             INSERT INTO leases SELECT material, int8send(material) || int8send(0), \
+                 int8send(7) || int8send(0), 'plain', 0, 9223372036854775807, 0, 0 FROM claimed",
+        )
+        .await
+        .unwrap();
+    let complete = client
+        .prepare(
+            "WITH completed AS ( \
+                 UPDATE jobs SET stage = 'completed', renderer = 'plain', record = repeat('y', 150) \
+                 WHERE material = ANY ($1)), \
+             ended AS (DELETE FROM leases WHERE material = ANY ($1)), \
+             told AS (INSERT INTO completions SELECT * FROM unnest($1::bigint[], $2::text[])) \
+             INSERT INTO images \
+             SELECT digest, material, view, 5 FROM unnest($3::bytea[], $4::bigint[], $5::integer[]) \
+                 AS of_material (digest, material, view)",
+        )
+        .await
+        .unwrap();
+    let tally = "UPDATE tallies SET pending = pending WHERE shard = pg_backend_pid() % 64";
+    for begin in (first..).step_by(PLAIN_BATCH as usize) {
+        let materials: Vec<i64> = (begin..begin + PLAIN_BATCH).collect();
+        let completions: Vec<Completion> = materials
+            .iter()
+            .map(|material| completion(*material as u32))
+            .collect();
+        let texts: Vec<String> = completions
+            .iter()
+            .map(|completion| serde_json::to_string(completion).unwrap())
+            .collect();
+        let mut images: Vec<(Digest, i64, i32)> = Vec::new();
+        for completion in &completions {
+            let material = i64::from(completion.material);
+            let views = (0..).zip(&completion.views);
+            images.extend(views.map(|(view, image)| (image.digest, material, view)));
+        }
+        let digests: Vec<&[u8]> = images.iter().map(|image| &image.0.as_bytes()[..]).collect();
+        let numbers: Vec<i64> = images.iter().map(|image| image.1).collect();
+        let views: Vec<i32> = images.iter().map(|image| image.2).collect();
+        let claiming = client.transaction().await.unwrap();
+        claiming.execute(&claim, &[&materials]).await.unwrap();
+        claiming.batch_execute(tally).await.unwrap();
+        claiming.commit().await.unwrap();
+        let completing = client.transaction().await.unwrap();
+        completing
+            .execute(&complete, &[&materials, &texts, &digests, &numbers, &views])
+            .await
+            .unwrap();
+        completing.batch_execute(tally).await.unwrap();
+        completing.commit().await.unwrap();
+        done.fetch_add(PLAIN_BATCH as u64, Ordering::Relaxed);
+    }
+}
+
+/// Plain SQL with so many connections, a second.
+async fn measure_plain(url: &str, clients: i64, from: i64, time: Duration) {
+    crate::testing::run(url, SWEPT).await;
+    let done = Arc::<AtomicU64>::default();
+    let mut working = JoinSet::new();
+    for number in 0..clients {
+        let first = from + number * 200_000;
+        working.spawn(plain(url.to_owned(), first, Arc::clone(&done)));
+    }
+    let began = Instant::now();
+    tokio::time::sleep(time).await;
+    let rate = done.load(Ordering::Relaxed) as f64 / began.elapsed().as_secs_f64();
+    println!("plain SQL, {clients} connections: {rate:.0} claims and as many completions a second");
+    working.shutdown().await;
 }
 
 async fn told(url: &str) -> String {
@@ -132,7 +249,11 @@ async fn three_million_jobs() {
             tokio::time::sleep(Duration::from_secs(1)).await;
         }
     });
-    for (clients, time) in [(1, each), (4, each), (16, each), (16, long)] {
+    for (clients, from) in [(1, 2_000_000), (2, 2_300_000)] {
+        measure_plain(&url, clients, from, each).await;
+    }
+    for (clients, time) in [(1, each), (4, each), (16, each), (64, each), (64, long)] {
+        crate::testing::run(&url, SWEPT).await;
         let done = Arc::<AtomicU64>::default();
         let mut working = JoinSet::new();
         for number in 0..clients {
@@ -157,5 +278,6 @@ async fn three_million_jobs() {
         }
         working.shutdown().await;
     }
+    measure_plain(&url, 2, 2_600_000, each).await;
     around.shutdown().await;
 }

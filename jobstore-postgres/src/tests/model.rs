@@ -45,6 +45,7 @@ impl Place for PostgresPlace {
         // Nobody was there for long: workers are gone, and leases begin again.
         run(url, "DELETE FROM sessions; UPDATE sweeps SET swept_ms = 0").await;
         let presence = PresenceLimits {
+            idle_pause: Duration::ZERO,
             dismissed_after: Duration::ZERO,
             forgotten_after: START,
         };

@@ -5,14 +5,16 @@ use crate::testing::{client, fresh_schema};
 
 /// The statements of claims, renewals and completions, and of calls that come as often; each with
 /// the tables that it may read from end to end because they have one row, or one a shard.
-const HOT: [(&str, &str); 20] = [
-    ("asker", include_str!("../sql/asker.sql")),
+const HOT: [(&str, &str); 22] = [
+    ("askers", include_str!("../sql/askers.sql")),
+    ("counts", include_str!("../sql/counts.sql")),
+    ("claimed_before", include_str!("../sql/claimed_before.sql")),
     ("to_judge", include_str!("../sql/to_judge.sql")),
     ("fresh", include_str!("../sql/fresh.sql")),
     ("again", include_str!("../sql/again.sql")),
     ("finished", include_str!("../sql/finished.sql")),
     ("jobs_locked", include_str!("../sql/jobs_locked.sql")),
-    ("job", include_str!("../sql/job.sql")),
+    ("jobs", include_str!("../sql/jobs.sql")),
     ("leases_locked", include_str!("../sql/leases_locked.sql")),
     ("write_jobs", include_str!("../sql/write_jobs.sql")),
     ("write_leases", include_str!("../sql/write_leases.sql")),

@@ -270,12 +270,13 @@ impl Bench {
         let leased = self.job_store().claim(id(worker), &tokens).await.unwrap();
         let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
         let barred = self.workers[worker as usize].bar.is_some();
-        let known = self.workers[worker as usize].present && !idle;
-        assert_eq!(leased.barred.is_some(), barred && known);
+        let present = self.workers[worker as usize].present;
+        assert_eq!(leased.barred.is_some(), barred && present && !idle);
         assert_eq!(
             leased,
             Leased {
                 jobs: expected.clone(),
+                name: present.then(|| name(worker)),
                 finished: self.is_finished(),
                 draining: self.mode == Mode::Draining,
                 barred: leased.barred.clone(),
@@ -317,7 +318,11 @@ impl Bench {
             lease.views_done = views_done;
             lease.progressed = now;
         }
-        let ends = (lease.progressed + POLICY.stall).min(lease.claimed + POLICY.deadline);
+        let deadline = lease.claimed + POLICY.deadline;
+        let ends = match lease.views_done {
+            0 => deadline,
+            _ => deadline.min(lease.progressed + POLICY.stall),
+        };
         lease.expires = ends.min(now + POLICY.lease);
         assert_eq!(renewed, now < ends);
     }

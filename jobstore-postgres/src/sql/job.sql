@@ -1,1 +1,0 @@
-SELECT record FROM jobs WHERE material = $1

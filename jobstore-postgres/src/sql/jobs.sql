@@ -1,0 +1,1 @@
+SELECT material, record FROM jobs WHERE material = ANY ($1)

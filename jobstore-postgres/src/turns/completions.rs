@@ -1,0 +1,162 @@
+//! Completions: the queue decides of each what it comes to.
+
+use crate::{connecting::query, fault::Fault, locked_jobs::LockedJobs};
+use deadpool_postgres::Transaction;
+use jobqueue::{Changes, Check, Completion, JobRecord, JobState, Verdict};
+use jobstore::{Delivery, JobStoreContext, JobStoreError, Judged};
+use std::collections::BTreeSet;
+use tokio_postgres::Row;
+
+/// What is known before the queue decides.
+pub(super) struct Completing {
+    /// The materials whose completion may change more than they themselves, and has to wait.
+    alone: BTreeSet<u32>,
+}
+
+/// What completions came to.
+#[derive(Default)]
+pub(super) struct Completed {
+    /// None where it has to be done alone.
+    pub answers: Vec<Option<Result<Judged, JobStoreError>>>,
+    pub changes: Changes,
+    /// Those whose images are their job's now.
+    pub recorded: Vec<Completion>,
+}
+
+impl Completed {
+    pub fn recorded(&self) -> Vec<&Completion> {
+        self.recorded.iter().collect()
+    }
+}
+
+impl Completing {
+    /// Beside other transactions.
+    pub fn beside(locked: &LockedJobs, failing: &[Row], deliveries: &[&Delivery]) -> Self {
+        let failing: BTreeSet<&str> = failing.iter().map(|row| row.get(0)).collect();
+        let materials = deliveries
+            .iter()
+            .map(|delivery| delivery.completion.material);
+        let alone = materials.filter(|material| {
+            let job = locked.queue.job(*material);
+            job.is_some_and(|job| needs_exclusive(job, &failing))
+        });
+        Self {
+            alone: alone.collect(),
+        }
+    }
+
+    /// While no other runs: adds all that may change.
+    pub async fn alone(
+        transaction: &Transaction<'_>,
+        locked: &mut LockedJobs,
+        delivery: &Delivery,
+    ) -> Result<Self, Fault> {
+        widen(transaction, locked, delivery).await?;
+        let alone = BTreeSet::new();
+        Ok(Self { alone })
+    }
+
+    /// Completes jobs that are locked.
+    pub fn complete(
+        &self,
+        locked: &mut LockedJobs,
+        deliveries: &[&Delivery],
+        context: &JobStoreContext,
+    ) -> Completed {
+        let mut completed = Completed::default();
+        for delivery in deliveries {
+            let answer = if self.alone.contains(&delivery.completion.material) {
+                None
+            } else {
+                Some(complete_one(locked, delivery, context, &mut completed))
+            };
+            completed.answers.push(answer);
+        }
+        completed
+    }
+}
+
+fn complete_one(
+    locked: &mut LockedJobs,
+    delivery: &Delivery,
+    context: &JobStoreContext,
+    completed: &mut Completed,
+) -> Result<Judged, JobStoreError> {
+    let Delivery {
+        token,
+        completion,
+        check,
+    } = delivery;
+    let material = completion.material;
+    locked.check(material)?;
+    let fingerprint = completion.fingerprint();
+    let queue = &mut locked.queue;
+    if queue.would_record(material, *token, fingerprint)
+        && context.staging().awaits_publication(completion)
+    {
+        return Err(JobStoreError::Unpublished(material));
+    }
+    let holder = queue.holder(material).cloned();
+    let (verdict, changes) = queue.complete(material, *token, fingerprint, *check, locked.now)?;
+    completed.changes.extend(changes.clone());
+    if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder) {
+        completed.recorded.push(Completion {
+            worker: holder.name.clone(),
+            ..completion.clone()
+        });
+    }
+    Ok(Judged {
+        verdict,
+        holder,
+        changes,
+    })
+}
+
+/// The names of workers that failed lately, of those who hold these jobs.
+pub(super) async fn failing(
+    transaction: &Transaction<'_>,
+    materials: &[i64],
+) -> Result<Vec<Row>, Fault> {
+    if materials.is_empty() {
+        return Ok(Vec::new());
+    }
+    let statement = include_str!("../sql/failing.sql");
+    query(transaction, statement, &[&materials]).await
+}
+
+/// Whether a job's completion may change more than the job.
+fn needs_exclusive(job: &JobRecord, failing: &BTreeSet<&str>) -> bool {
+    let holder = job.state.holder();
+    let third = matches!(
+        &job.state,
+        JobState::Completed { check: Check::Disputed(dispute), .. } if dispute.holder.is_some()
+    );
+    third || holder.is_some_and(|holder| failing.contains(holder.name.as_str()))
+}
+
+/// Adds what a completion may change besides its job: the histories of everybody who had a hand in
+/// it, and where one of them may turn out to have lied, all that one holds and vouches for.
+async fn widen(
+    transaction: &Transaction<'_>,
+    locked: &mut LockedJobs,
+    delivery: &Delivery,
+) -> Result<(), Fault> {
+    let Some(job) = locked.queue.job(delivery.completion.material) else {
+        return Ok(());
+    };
+    let mut suspects: BTreeSet<String> = BTreeSet::new();
+    if let JobState::Completed {
+        worker,
+        check: Check::Disputed(dispute),
+        ..
+    } = &job.state
+    {
+        suspects.extend([worker.clone(), dispute.worker.clone()]);
+    }
+    let mut names = suspects.clone();
+    names.extend(job.state.holder().map(|holder| holder.name.clone()));
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    locked.add_workers(transaction, &names).await?;
+    let suspects: Vec<&str> = suspects.iter().map(String::as_str).collect();
+    locked.add_all_of(transaction, &suspects, true).await
+}
