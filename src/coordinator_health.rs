@@ -9,11 +9,15 @@ use tonic::Response;
 ///
 /// Asks the standard health service, which wants no token; for probes that cannot speak TLS
 /// themselves. Prints nothing and exits with 0 where it serves, with 1 where it does not or does not
-/// answer.
+/// answer. It does not serve while what keeps its jobs, such as a database, does not answer; its log
+/// says why.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
+    /// Ask only whether it answers: to start one anew because its database is away helps nobody
+    #[arg(long)]
+    alive: bool,
 }
 
 /// Asks.
@@ -27,8 +31,8 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         let answer = client.check(question).await.map(Response::into_inner);
         let answer = answer.map_err(|status| options.coordinator.error(&status))?;
         anyhow::ensure!(
-            answer.status() == ServingStatus::Serving,
-            "the coordinator answers, and does not serve"
+            options.alive || answer.status() == ServingStatus::Serving,
+            "the coordinator answers, and does not serve: its log says why"
         );
         Ok(())
     })

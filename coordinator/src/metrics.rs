@@ -15,7 +15,10 @@ use prometheus_client::{
 };
 use std::{
     io,
-    sync::{Arc, atomic::AtomicU64},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
     time::Duration,
 };
 use tokio::net::TcpListener;
@@ -34,8 +37,8 @@ pub(crate) struct Metrics {
     images_per_second: Gauge<f64, AtomicU64>,
     store_bytes: Gauge<f64, AtomicU64>,
     store_free_bytes: Gauge<f64, AtomicU64>,
-    failures: Gauge,
-    leases_lost: Gauge,
+    failures: Counter,
+    leases_lost: Counter,
     leases: Counter,
     received_bytes: Counter,
     calls: Family<Label, Histogram>,
@@ -60,8 +63,8 @@ impl Default for Metrics {
             images_per_second: Gauge::default(),
             store_bytes: Gauge::default(),
             store_free_bytes: Gauge::default(),
-            failures: Gauge::default(),
-            leases_lost: Gauge::default(),
+            failures: Counter::default(),
+            leases_lost: Counter::default(),
             leases: Counter::default(),
             received_bytes: Counter::default(),
             calls: Family::new_with_constructor(|| {
@@ -169,8 +172,14 @@ impl Metrics {
         }
         self.workers.set(progress.workers.into());
         self.images.set(progress.images as i64);
-        self.failures.set(progress.failures as i64);
-        self.leases_lost.set(progress.leases_lost as i64);
+        // They only grow, and are counted where they happen.
+        let counted = [
+            (&self.failures, progress.failures),
+            (&self.leases_lost, progress.leases_lost),
+        ];
+        for (counter, count) in counted {
+            counter.inner().store(count, Ordering::Relaxed);
+        }
         self.images_per_second.set(report.images_per_second);
         self.store_bytes.set(report.store_bytes as f64);
         self.store_free_bytes.set(free_bytes as f64);

@@ -25,6 +25,9 @@ pub struct Options {
     /// Whether leases of before the start go on. False where nobody can hold one any more, as when
     /// the workers were threads of a process that is gone.
     pub keep_leases: bool,
+    /// The task that a test has panic.
+    #[cfg(test)]
+    pub(crate) panics: Option<&'static str>,
 }
 
 impl Default for Options {
@@ -38,6 +41,8 @@ impl Default for Options {
             checks_per_million: limits::CHECKS_PER_MILLION,
             retry_set_aside: true,
             keep_leases: true,
+            #[cfg(test)]
+            panics: None,
         }
     }
 }

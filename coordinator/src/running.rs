@@ -2,6 +2,7 @@
 
 use crate::{
     farm::Farm,
+    health,
     metrics::{self, Metrics},
     options::Options,
     report::Progress,
@@ -11,6 +12,7 @@ use crate::{
         guard::Guard,
     },
     service::{ControlService, FarmService},
+    supervision::Supervisor,
 };
 use dataset::{
     Specification,
@@ -24,11 +26,11 @@ use thiserror::Error;
 use tokio::{
     net::TcpListener,
     sync::watch,
-    task::{JoinSet, spawn_blocking},
+    task::spawn_blocking,
     time::{sleep, timeout},
 };
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::{self, Certificate, Server, ServerTlsConfig};
+use tonic::transport::{self, Certificate, Server, ServerTlsConfig, server::Router};
 use tower::layer::util::{Identity, Stack};
 
 /// Why a coordinator does not serve, or serves no longer.
@@ -69,6 +71,9 @@ pub enum CoordinatorError {
     /// The store can no longer be written.
     #[error("the store can no longer be written: {0}")]
     Store(String),
+    /// A part of it stopped working.
+    #[error("the coordinator cannot go on: {0}")]
+    Part(String),
     /// The system would not do what was asked.
     #[error(transparent)]
     File(#[from] FileError),
@@ -80,7 +85,7 @@ pub struct RunningCoordinator {
     address: SocketAddr,
     scheme: &'static str,
     farm: Arc<Farm>,
-    tasks: JoinSet<()>,
+    supervisor: Supervisor,
     stop: watch::Sender<bool>,
     // The last to go: whoever gets the lock next finds a store that nobody writes.
     lock: Option<File>,
@@ -93,6 +98,7 @@ pub struct Services<F, C> {
     pub farm: F,
     /// For people.
     pub control: C,
+    _supervisor: Supervisor,
     _stop: watch::Sender<bool>,
     // The last to go, as in RunningCoordinator.
     _lock: Option<File>,
@@ -123,7 +129,9 @@ impl Coordinator {
         options: &Options,
     ) -> Result<Services<impl proto::Farm, impl proto::Control>, CoordinatorError> {
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store.into(), options, Arc::default(), stopping)
+        let mut supervisor = Supervisor::new(stopping.clone());
+        let metrics = Arc::default();
+        let (farm, lock) = Farm::start(store.into(), options, metrics, stopping, &mut supervisor)
             .await
             .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
@@ -132,6 +140,7 @@ impl Coordinator {
                 farm: Arc::clone(&farm),
             },
             control: ControlService { farm },
+            _supervisor: supervisor,
             _stop: stop,
             _lock: lock,
         })
@@ -152,7 +161,7 @@ impl Coordinator {
         let listener = admission::listen(listen).map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
         let metrics = Arc::<Metrics>::default();
-        let server = server(&options.security, Arc::clone(&metrics))?;
+        let mut server = server(&options.security, Arc::clone(&metrics))?;
         let metrics_listener = match options.metrics {
             Some(address) => Some(
                 TcpListener::bind(address)
@@ -167,27 +176,33 @@ impl Coordinator {
             None => "http",
         };
         let (stop, stopping) = watch::channel(false);
-        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone())
+        let mut supervisor = supervisor(&options, stopping.clone());
+        let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone(), &mut supervisor)
             .await
             .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
-        let mut tasks = JoinSet::new();
         if let Some(listener) = metrics_listener {
-            tasks.spawn(serve_metrics(Arc::clone(&farm), listener, stopping.clone()));
+            let metrics = serve_metrics(Arc::clone(&farm), listener, stopping.clone());
+            supervisor.spawn("metrics", metrics);
         }
-        tasks.spawn(serve(
-            server,
+        let (health, health_service) = tonic_health::server::health_reporter();
+        health::say(&health, true).await;
+        let watching = health::watch(health, Arc::clone(&farm), stopping.clone());
+        supervisor.spawn("health", watching);
+        let server = serve(
+            server.add_service(health_service),
             Arc::clone(&farm),
             connections,
             stopping.clone(),
-        ));
-        tasks.spawn(sweep(Arc::clone(&farm), stopping));
+        );
+        supervisor.spawn("server", server);
+        supervisor.spawn("sweep", sweep(Arc::clone(&farm), stopping));
         tracing::info!(%address, "the coordinator listens");
         Ok(RunningCoordinator {
             address,
             scheme,
             farm,
-            tasks,
+            supervisor,
             stop,
             lock,
         })
@@ -213,11 +228,9 @@ impl RunningCoordinator {
     /// Waits until nothing is left to do, and all of it is durable.
     pub async fn wait_until_finished(&self) -> Result<Progress, CoordinatorError> {
         let mut progress = self.farm.progress();
-        let mut failure = self.farm.failure();
         tokio::select! {
             _ = progress.wait_for(Progress::is_finished) => {}
-            // Without a failure the sender lives as long as the farm.
-            _ = failure.wait_for(Option::is_some) => {}
+            error = self.failed() => return Err(error),
         }
         let settled = self.farm.settled().await;
         settled.map_err(|error| CoordinatorError::Store(error.to_string()))?;
@@ -235,12 +248,20 @@ impl RunningCoordinator {
         }
     }
 
-    /// Waits until the store can no longer be written, which takes a fault.
+    /// Waits until the store can no longer be written, or a part of the coordinator stops working;
+    /// either takes a fault.
     pub async fn failed(&self) -> CoordinatorError {
-        let mut failure = self.farm.failure();
-        match failure.wait_for(Option::is_some).await {
-            Ok(why) => CoordinatorError::Store(why.clone().unwrap_or_default()),
-            Err(_) => CoordinatorError::Store("it is closed".to_owned()),
+        let mut of_store = self.farm.failure();
+        let mut of_part = self.supervisor.failure();
+        tokio::select! {
+            why = of_store.wait_for(Option::is_some) => CoordinatorError::Store(match why {
+                Ok(why) => why.clone().unwrap_or_default(),
+                Err(_) => "it is closed".to_owned(),
+            }),
+            // The supervisor is ours.
+            Ok(why) = of_part.wait_for(Option::is_some) => {
+                CoordinatorError::Part(why.clone().unwrap_or_default())
+            }
         }
     }
 
@@ -252,15 +273,18 @@ impl RunningCoordinator {
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the
     /// store.
-    pub async fn shutdown(mut self) {
-        // No receiver means that the tasks have ended already.
-        let _ = self.stop.send(true);
-        let ended = async { while self.tasks.join_next().await.is_some() {} };
-        if timeout(limits::STOP_GRACE, ended).await.is_err() {
+    pub async fn shutdown(self) {
+        let Self {
+            farm,
+            supervisor,
+            stop,
+            lock,
+            ..
+        } = self;
+        stop.send_replace(true);
+        if !supervisor.end(limits::STOP_GRACE).await {
             tracing::warn!("calls under way were cut off");
-            self.tasks.shutdown().await;
         }
-        let Self { farm, lock, .. } = self;
         let closed = spawn_blocking(move || {
             farm.close();
             drop(farm);
@@ -274,6 +298,18 @@ impl RunningCoordinator {
 }
 
 type GuardedServer = Server<Stack<Guard, Identity>>;
+
+type GuardedRouter = Router<Stack<Guard, Identity>>;
+
+#[cfg(not(test))]
+fn supervisor(_: &Options, stopping: watch::Receiver<bool>) -> Supervisor {
+    Supervisor::new(stopping)
+}
+
+#[cfg(test)]
+fn supervisor(options: &Options, stopping: watch::Receiver<bool>) -> Supervisor {
+    Supervisor::with_panic_in(stopping, options.panics)
+}
 
 fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, CoordinatorError> {
     let mut server = Server::builder()
@@ -300,16 +336,11 @@ fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, C
 }
 
 async fn serve(
-    mut server: GuardedServer,
+    server: GuardedRouter,
     farm: Arc<Farm>,
     connections: ReceiverStream<Result<Connection, io::Error>>,
     mut stopping: watch::Receiver<bool>,
-) {
-    let (health, health_service) = tonic_health::server::health_reporter();
-    health.set_serving::<proto::FarmServer<FarmService>>().await;
-    health
-        .set_serving::<proto::ControlServer<ControlService>>()
-        .await;
+) -> Result<(), String> {
     let reflection = tonic_reflection::server::Builder::configure()
         .register_encoded_file_descriptor_set(proto::DESCRIPTORS)
         .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
@@ -326,38 +357,36 @@ async fn serve(
         farm: Arc::clone(&farm),
     };
     let served = server
-        .add_service(health_service)
         .add_service(reflection)
         .add_service(proto::farm_server(for_workers))
         .add_service(proto::control_server(ControlService { farm }))
         .serve_with_incoming_shutdown(connections, stop)
         .await;
-    if let Err(error) = served {
-        tracing::error!(%error, "the coordinator serves no longer");
-    }
+    served.map_err(|error| error.to_string())
 }
 
 async fn serve_metrics(
     farm: Arc<Farm>,
     listener: TcpListener,
     mut stopping: watch::Receiver<bool>,
-) {
+) -> Result<(), String> {
     tokio::select! {
         served = metrics::serve(listener, move || farm.metrics_text()) => {
-            if let Err(error) = served {
-                tracing::error!(%error, "metrics are served no longer");
-            }
+            served.map_err(|error| error.to_string())
         }
-        _ = stopping.wait_for(|stopping| *stopping) => {}
+        _ = stopping.wait_for(|stopping| *stopping) => Ok(()),
     }
 }
 
-async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
+async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) -> Result<(), String> {
     loop {
         let pause = match farm.sweep().await {
             Ok(pause) => pause,
-            // The store is closed: nothing can be recorded.
-            Err(JobStoreError::NotDurable(_)) => return,
+            // The store says itself why nothing can be recorded any more.
+            Err(JobStoreError::NotDurable(error)) => {
+                drop(stopping.wait_for(|stopping| *stopping).await);
+                return Err(error.to_string());
+            }
             Err(error) => {
                 tracing::warn!(%error, "leases that ran out cannot be looked for");
                 limits::SWEEP_INTERVAL_MAX
@@ -365,7 +394,7 @@ async fn sweep(farm: Arc<Farm>, mut stopping: watch::Receiver<bool>) {
         };
         tokio::select! {
             () = sleep(pause) => {}
-            _ = stopping.wait_for(|stopping| *stopping) => return,
+            _ = stopping.wait_for(|stopping| *stopping) => return Ok(()),
         }
     }
 }
@@ -387,4 +416,33 @@ fn check_image_size(image: &Image) -> Result<(), CoordinatorError> {
         });
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use datastore::Store;
+
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn a_panic_in_any_task_ends_the_coordinator_with_its_reason() {
+        for task in ["publisher", "metrics", "health", "server", "sweep"] {
+            let folder = tempfile::tempdir().unwrap();
+            let mut specification = Specification::preset();
+            specification.materials = 2;
+            let store = Store::open_or_create(folder.path(), &specification).unwrap();
+            let options = Options {
+                metrics: Some(([127, 0, 0, 1], 0).into()),
+                panics: Some(task),
+                ..Options::default()
+            };
+            let coordinator = Coordinator::start(store, options).await.unwrap();
+            let failed = timeout(limits::STOP_GRACE, coordinator.failed()).await;
+            let said = failed.expect(task).to_string();
+            let why = "it panicked: a panic that a test asked for";
+            assert_eq!(said, format!("the coordinator cannot go on: {task}: {why}"));
+            let waited = coordinator.wait_until_finished().await;
+            assert!(matches!(waited, Err(CoordinatorError::Part(_))));
+            coordinator.shutdown().await;
+        }
+    }
 }

@@ -102,6 +102,8 @@ struct Shared {
     presence: PresenceLimits,
     context: Arc<JobStoreContext>,
     metrics: Arc<dyn Meter>,
+    // Held from the look to the telling: nothing older is told after what was told.
+    telling: tokio::sync::Mutex<()>,
     // There may be work again.
     offered: Notify,
     // Materials whose records cannot be read: nobody is given them.
@@ -157,6 +159,7 @@ impl PostgresJobStore {
             presence,
             context,
             metrics,
+            telling: tokio::sync::Mutex::default(),
             offered: Notify::new(),
             unreadable: Mutex::default(),
         });

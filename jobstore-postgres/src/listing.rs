@@ -27,6 +27,7 @@ const STAGES: [Stage; 6] = [
 impl Shared {
     /// How the jobs stand, told to the context as well.
     pub async fn publish_overview(&self) -> Result<Overview, JobStoreError> {
+        let _telling = self.telling.lock().await;
         let overview = attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;

@@ -79,8 +79,7 @@ impl LocalJobStore {
             context,
             clock,
         };
-        let overview = overview(&job_store.lock());
-        job_store.context.publish(overview);
+        job_store.publish(&job_store.lock());
         Ok(job_store)
     }
 
@@ -105,6 +104,11 @@ impl LocalJobStore {
 
     fn lock(&self) -> MutexGuard<'_, Queue> {
         lock(&self.queue)
+    }
+
+    /// Tells how the jobs stand, under their lock: nothing older is told after it.
+    fn publish(&self, queue: &Queue) {
+        self.context.publish(overview(queue));
     }
 
     fn now(&self) -> Duration {
@@ -157,9 +161,7 @@ impl JobStore for LocalJobStore {
         queue.admit(worker, name);
         // A worker of another name may be what a second rendering waits for.
         self.context.work.notify_waiters();
-        let overview = overview(&queue);
-        drop(queue);
-        self.context.publish(overview);
+        self.publish(&queue);
         Ok(())
     }
 
@@ -174,9 +176,7 @@ impl JobStore for LocalJobStore {
                 queue.dismiss(*worker);
             }
         }
-        let overview = overview(&queue);
-        drop(queue);
-        self.context.publish(overview);
+        self.publish(&queue);
         Ok(())
     }
 
@@ -311,9 +311,7 @@ impl JobStore for LocalJobStore {
             queue.dismiss(worker);
             let pending = self.submit(&changes);
             self.after(&queue, &changes);
-            let overview = overview(&queue);
-            drop(queue);
-            self.context.publish(overview);
+            self.publish(&queue);
             (changes, pending)
         };
         if let Some(pending) = pending {
@@ -445,8 +443,7 @@ impl JobStore for LocalJobStore {
     }
 
     async fn publish_overview(&self) -> Result<(), JobStoreError> {
-        let overview = overview(&self.lock());
-        self.context.publish(overview);
+        self.publish(&self.lock());
         Ok(())
     }
 

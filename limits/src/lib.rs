@@ -109,6 +109,12 @@ pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
 /// The longest pause between two looks for leases that ran out.
 pub const SWEEP_INTERVAL_MAX: Duration = Duration::from_secs(1);
 
+/// The pause between two looks at whether the next call would be answered.
+pub const HEALTH_INTERVAL: Duration = Duration::from_secs(1);
+
+/// How long what keeps the jobs may take to answer before the coordinator counts as not serving.
+pub const HEALTH_WAIT: Duration = Duration::from_secs(3);
+
 /// How long a coordinator whose set is complete waits for workers to take leave: a worker that
 /// died never does.
 pub const LEAVE_GRACE: Duration = Duration::from_secs(5);

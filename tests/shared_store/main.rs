@@ -21,6 +21,7 @@ mod draws;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../folder/mod.rs"]
 mod folder;
+mod health;
 mod interruption;
 mod migration;
 mod place;

@@ -20,11 +20,12 @@ pub(crate) use uploads::Md5;
 
 use crate::{
     metrics::Metrics, options::Options, presence::Presence, rate::Rate, report::Progress,
-    upload_slots::UploadSlots,
+    supervision::Supervisor, upload_slots::UploadSlots,
 };
 use dataset::{Digest, Specification};
 use datastore::{AnyStore, SharedStore, Store};
 use events::Events;
+use futures_util::FutureExt;
 use imagestore::blobs::Blobs;
 use jobqueue::{Policy, Queue, Selection, Stage};
 use jobstore::{
@@ -107,6 +108,7 @@ impl Farm {
         options: &Options,
         metrics: Arc<Metrics>,
         stopping: watch::Receiver<bool>,
+        supervisor: &mut Supervisor,
     ) -> Result<(Self, Option<File>), FarmError> {
         let specification = store.specification().clone();
         let shared = Arc::new(Shared {
@@ -128,7 +130,7 @@ impl Farm {
         };
         let meter = Arc::<Metrics>::clone(&metrics);
         let (publisher, publishing) = Publisher::new(Arc::clone(&context), meter);
-        tokio::spawn(publishing);
+        supervisor.spawn_helper("publisher", publishing.map(Ok));
         let farm = Self {
             specification_hash: specification.hash(),
             specification,
@@ -151,6 +153,11 @@ impl Farm {
 
     pub fn failure(&self) -> watch::Receiver<Option<String>> {
         self.job_store.failure()
+    }
+
+    /// Whether the next call would be answered.
+    pub async fn probe(&self) -> Result<(), JobStoreError> {
+        self.job_store.publish_overview().await
     }
 
     /// Waits until all that happened so far is durable.

@@ -3,7 +3,9 @@
 #![allow(clippy::print_stdout, reason = "measurements are for people")]
 
 mod crash;
+mod damage;
 mod encryption;
+mod idle;
 mod maintenance;
 mod measure;
 mod model;
