@@ -4,6 +4,7 @@ use crate::connection::{read_if_there, text};
 use crate::coordinator_health;
 use crate::failure::BadInput;
 use crate::plural::count;
+use crate::runtime::Runtime;
 use crate::{shutdown, specification, store_name};
 use clap::{Args, Subcommand};
 use coordinator::Coordinator;
@@ -15,7 +16,6 @@ use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
-use tokio::runtime::Runtime;
 
 /// What a coordinator can be told.
 #[derive(Debug, Subcommand)]

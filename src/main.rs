@@ -22,6 +22,7 @@ mod progress;
 mod render;
 mod report;
 mod run;
+mod runtime;
 mod shutdown;
 mod specification;
 mod status;

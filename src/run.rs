@@ -3,6 +3,7 @@
 use crate::dataset_command::{show, verify};
 use crate::plural::count;
 use crate::progress::FarmBar;
+use crate::runtime::Runtime;
 use crate::{cores, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{Coordinator, Progress, RunningCoordinator};
@@ -47,6 +48,11 @@ pub struct Options {
     /// What traces the rays: auto, native or embree; the images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
+    /// How long one material may take. A view cannot be interrupted: where it takes longer the run
+    /// says so and ends
+    #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
+          value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
+    job_deadline_seconds: u64,
 }
 
 /// Failures after which a material is set aside.
@@ -63,9 +69,9 @@ struct Rendered {
 /// Renders, checks and sums up.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = options.specification.load()?;
-    Coordinator::check(&specification, &coordinator_options())?;
+    Coordinator::check(&specification, &options.for_coordinator())?;
     // Lives to the end: it is what listens for somebody asking the process to stop.
-    let runtime = tokio::runtime::Runtime::new()?;
+    let runtime = Runtime::new()?;
     let blobs = options.blobs.as_ref();
     let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
     let workers = cores::count(options.workers);
@@ -138,26 +144,29 @@ fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn coordinator_options() -> coordinator::Options {
-    coordinator::Options {
-        // The workers of an earlier run were part of its process, and nobody else knew its address.
-        keep_leases: false,
-        // They share one machine: what it gets wrong it may get wrong twice.
-        checks_per_million: 0,
-        policy: Policy {
-            failures_max: LOCAL_FAILURES_MAX,
-            // Nobody else is there to do the work of a worker that is barred.
-            jobs_failed_max: u32::MAX,
-            ..Policy::default()
-        },
-        ..coordinator::Options::default()
+impl Options {
+    fn for_coordinator(&self) -> coordinator::Options {
+        coordinator::Options {
+            // The workers of an earlier run were part of its process, and nobody else knew its address.
+            keep_leases: false,
+            // They share one machine: what it gets wrong it may get wrong twice.
+            checks_per_million: 0,
+            policy: Policy {
+                deadline: Duration::from_secs(self.job_deadline_seconds),
+                failures_max: LOCAL_FAILURES_MAX,
+                // Nobody else is there to do the work of a worker that is barred.
+                jobs_failed_max: u32::MAX,
+                ..Policy::default()
+            },
+            ..coordinator::Options::default()
+        }
     }
 }
 
 async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::Result<Rendered> {
     let mut asked = shutdown::flag()?;
     let views = store.specification().views.len() as u64;
-    let coordinator = Coordinator::start(store, coordinator_options()).await?;
+    let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
     let before = *coordinator.progress().borrow();
     let started = Instant::now();
     if before.is_finished() {

@@ -2,6 +2,7 @@
 
 use crate::connection::CredentialOptions;
 use crate::plural::count;
+use crate::runtime::Runtime;
 use crate::{cores, shutdown};
 use clap::{Args, Subcommand};
 use renderer::geometry::BackendChoice;
@@ -47,10 +48,8 @@ pub struct Options {
 
 /// Works.
 pub fn execute(Command::Connect(options): &Command) -> anyhow::Result<()> {
-    let runtime = tokio::runtime::Runtime::new()?;
+    let runtime = Runtime::new()?;
     let summary = runtime.block_on(work(options));
-    // A view that cannot be interrupted would keep the process.
-    runtime.shutdown_background();
     let summary = summary?;
     writeln!(
         io::stdout(),
