@@ -30,7 +30,8 @@ static LIVE: LazyLock<Live> = LazyLock::new(|| {
     Box::new(move |bytes| {
         // One input after another, whatever threads tests have.
         let mut token = token.lock().unwrap_or_else(PoisonError::into_inner);
-        let _folder = &folder;
+        // All of them are kept, and not only what is named below.
+        let (_folder, services) = (&folder, &services);
         runtime.block_on(async {
             begin(&services.farm, &services.control, &hash).await;
             all(&services.farm, &services.control, bytes, &mut token).await
