@@ -66,8 +66,8 @@ pub struct Options {
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
     /// Percent of the materials that a second worker renders again, to the same bytes or somebody
-    /// is barred
-    #[arg(long, default_value_t = f64::from(limits::CHECKS_PER_MILLION) / 1e4,
+    /// is blocked
+    #[arg(long, default_value_t = f64::from(limits::REDUNDANT_PER_MILLION) / 1e4,
           value_name = "PERCENT", value_parser = percent)]
     check_percent: f64,
     /// End once every material is complete
@@ -105,7 +105,7 @@ impl Options {
                 deadline: Duration::from_secs(self.job_deadline_seconds),
                 ..Policy::default()
             },
-            checks_per_million: (self.check_percent * 1e4).round() as u32,
+            redundant_per_million: (self.check_percent * 1e4).round() as u32,
             ..coordinator::Options::default()
         })
     }
@@ -158,9 +158,9 @@ async fn serve(
             coordinator.wait_for_workers_to_leave().await;
             finished.map_err(anyhow::Error::from).and_then(|progress| {
                 anyhow::ensure!(
-                    progress.counts.set_aside == 0,
-                    "{} of {} failed too often and were set aside",
-                    progress.counts.set_aside,
+                    progress.counts.quarantined == 0,
+                    "{} of {} failed too often and were quarantined",
+                    progress.counts.quarantined,
                     count(progress.counts.materials, "material")
                 );
                 Ok(())

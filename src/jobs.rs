@@ -49,7 +49,7 @@ pub struct Show {
     json: bool,
 }
 
-/// Give jobs that were set aside or cancelled another chance
+/// Give jobs that were quarantined or cancelled another chance
 #[derive(Debug, Args)]
 pub struct Retry {
     #[command(flatten)]
@@ -57,7 +57,7 @@ pub struct Retry {
     /// Which, as in 3,5-9
     #[arg(value_name = "LIST", required_unless_present = "all")]
     materials: Option<IndexList>,
-    /// All that were set aside
+    /// All that were quarantined
     #[arg(long, conflicts_with = "materials")]
     all: bool,
 }

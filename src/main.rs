@@ -70,7 +70,7 @@ enum Command {
     /// List, show, retry, cancel and prioritize jobs
     #[command(subcommand)]
     Jobs(jobs::Command),
-    /// List workers, bar and unbar them
+    /// List workers, block and unblock them
     #[command(subcommand)]
     Workers(workers::Command),
     Pause(farm_mode::Pause),

@@ -55,7 +55,7 @@ pub struct Options {
     job_deadline_seconds: u64,
 }
 
-/// Failures after which a material is set aside.
+/// Failures after which a material is quarantined.
 const LOCAL_FAILURES_MAX: u32 = 3;
 
 /// What rendering came to.
@@ -86,9 +86,9 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         progress.counts.materials
     );
     anyhow::ensure!(
-        progress.counts.set_aside == 0,
-        "{} of {} materials failed too often and were set aside (--log warn tells why): {}",
-        progress.counts.set_aside,
+        progress.counts.quarantined == 0,
+        "{} of {} materials failed too often and were quarantined (--log warn tells why): {}",
+        progress.counts.quarantined,
         progress.counts.materials,
         match &options.store {
             StoreName::Folder(_) => "the same command tries them again",
@@ -150,11 +150,11 @@ impl Options {
             // The workers of an earlier run were part of its process, and nobody else knew its address.
             keep_leases: false,
             // They share one machine: what it gets wrong it may get wrong twice.
-            checks_per_million: 0,
+            redundant_per_million: 0,
             policy: Policy {
                 deadline: Duration::from_secs(self.job_deadline_seconds),
                 failures_max: LOCAL_FAILURES_MAX,
-                // Nobody else is there to do the work of a worker that is barred.
+                // Nobody else is there to do the work of a worker that is blocked.
                 jobs_failed_max: u32::MAX,
                 ..Policy::default()
             },
@@ -200,8 +200,8 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
     while working.join_next().await.is_some() {}
     bar.clear();
     let progress = *coordinator.progress().borrow();
-    for (material, errors) in coordinator.set_aside().await? {
-        tracing::warn!(material, ?errors, "set aside");
+    for (material, errors) in coordinator.quarantined().await? {
+        tracing::warn!(material, ?errors, "quarantined");
     }
     coordinator.shutdown().await;
     Ok(Rendered {

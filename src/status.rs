@@ -11,7 +11,7 @@ use tonic::{Request, Response};
 
 /// Show how far the farm is
 ///
-/// Exit code 1 where materials failed too often and were set aside, or where the coordinator does
+/// Exit code 1 where materials failed too often and were quarantined, or where the coordinator does
 /// not answer.
 #[derive(Debug, Args)]
 pub struct Options {
@@ -80,7 +80,7 @@ fn trouble(status: &StatusResponse) -> anyhow::Result<()> {
     let set_aside = status.counts.unwrap_or_default().set_aside;
     anyhow::ensure!(
         set_aside == 0,
-        "{} failed too often and set aside: `brdfarm jobs show` tells why, `brdfarm jobs retry \
+        "{} failed too often and quarantined: `brdfarm jobs show` tells why, `brdfarm jobs retry \
          --all` tries again",
         count(set_aside, "material")
     );
@@ -105,7 +105,7 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
         counts.completed, counts.materials, counts.leased, counts.pending
     )?;
     for (number, what) in [
-        (counts.set_aside, "set aside after too many failures"),
+        (counts.set_aside, "quarantined after too many failures"),
         (counts.cancelled, "cancelled"),
         (
             counts.disputed,
@@ -126,7 +126,7 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
     writeln!(out)?;
     write!(out, "workers     {}", counts.workers)?;
     if counts.workers_barred > 0 {
-        write!(out, ", {} barred", counts.workers_barred)?;
+        write!(out, ", {} blocked", counts.workers_barred)?;
     }
     writeln!(out)?;
     writeln!(

@@ -14,11 +14,14 @@ use tonic::Request;
 #[derive(Debug, Subcommand)]
 pub enum Command {
     List(List),
-    Bar(Bar),
-    Unbar(Unbar),
+    // The names of earlier versions go on working.
+    #[command(alias = "bar")]
+    Block(Block),
+    #[command(alias = "unbar")]
+    Unblock(Unblock),
 }
 
-/// List workers by name: those that are there, and those with failures or a bar
+/// List workers by name: those that are there, and those with failures or a block
 #[derive(Debug, Args)]
 pub struct List {
     #[command(flatten)]
@@ -30,18 +33,18 @@ pub struct List {
 
 /// Give a worker no more work, and take back what it holds
 #[derive(Debug, Args)]
-pub struct Bar {
+pub struct Block {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
     name: String,
     /// Why; the worker logs it
-    #[arg(long, default_value = "barred by an operator")]
+    #[arg(long, default_value = "blocked by an operator")]
     reason: String,
 }
 
-/// Let a barred worker work again
+/// Let a blocked worker work again
 #[derive(Debug, Args)]
-pub struct Unbar {
+pub struct Unblock {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
     name: String,
@@ -51,8 +54,8 @@ pub struct Unbar {
 pub fn execute(command: &Command) -> anyhow::Result<()> {
     match command {
         Command::List(options) => list(options),
-        Command::Bar(options) => bar(options),
-        Command::Unbar(options) => unbar(options),
+        Command::Block(options) => block(options),
+        Command::Unblock(options) => unblock(options),
     }
 }
 
@@ -72,7 +75,7 @@ fn list(options: &List) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn bar(options: &Bar) -> anyhow::Result<()> {
+fn block(options: &Block) -> anyhow::Result<()> {
     let message = BarWorkerRequest {
         name: options.name.clone(),
         reason: options.reason.clone(),
@@ -84,13 +87,13 @@ fn bar(options: &Bar) -> anyhow::Result<()> {
     let leases = count(answer.leases_taken_back, "lease");
     writeln!(
         io::stdout(),
-        "{} is barred; {leases} taken back",
+        "{} is blocked; {leases} taken back",
         options.name
     )?;
     Ok(())
 }
 
-fn unbar(options: &Unbar) -> anyhow::Result<()> {
+fn unblock(options: &Unblock) -> anyhow::Result<()> {
     let message = UnbarWorkerRequest {
         name: options.name.clone(),
     };
@@ -118,7 +121,7 @@ fn show(worker: &WorkerDetail, out: &mut impl Write) -> io::Result<()> {
         worker.leases_lost
     )?;
     if !worker.barred.is_empty() {
-        writeln!(out, "  barred: {}", worker.barred)?;
+        writeln!(out, "  blocked: {}", worker.barred)?;
     }
     for failure in &worker.failures_in_a_row {
         writeln!(

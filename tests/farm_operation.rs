@@ -112,13 +112,13 @@ fn a_farm_obeys_its_commands() {
     let worker = farm.worker();
     farm.wait(|status| status["workers"] == 1);
     assert_eq!(
-        farm.say("workers bar hand --reason dust"),
-        "hand is barred; 0 leases taken back\n"
+        farm.say("workers block hand --reason dust"),
+        "hand is blocked; 0 leases taken back\n"
     );
-    assert!(farm.say("workers list").contains("barred: dust"));
+    assert!(farm.say("workers list").contains("blocked: dust"));
     farm.say("resume");
     std::thread::sleep(Duration::from_millis(300));
-    assert_eq!(farm.status()["completed"], 0, "its only worker is barred");
+    assert_eq!(farm.status()["completed"], 0, "its only worker is blocked");
     assert_eq!(farm.say("workers unbar hand"), "hand works again\n");
     let done = farm.wait(|status| status["finished"] == true);
     assert_eq!(

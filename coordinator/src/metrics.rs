@@ -163,9 +163,9 @@ impl Metrics {
             ("leased", counts.leased),
             ("completed", counts.completed),
             ("disputed", counts.disputed),
-            ("set_aside", counts.set_aside),
+            ("set_aside", counts.quarantined),
             ("cancelled", counts.cancelled),
-            ("to_check", counts.checks),
+            ("to_check", counts.redundant),
         ] {
             let gauge = self.jobs.get_or_create(&[("state", state)]);
             gauge.set(number.into());

@@ -19,9 +19,9 @@ pub struct Options {
     pub policy: Policy,
     /// Of a million completed materials, how many are rendered a second time by another worker, and
     /// have to come out the same.
-    pub checks_per_million: u32,
-    /// Whether materials that were set aside get another chance now.
-    pub retry_set_aside: bool,
+    pub redundant_per_million: u32,
+    /// Whether materials that were quarantined get another chance now.
+    pub retry_quarantined: bool,
     /// Whether leases of before the start go on. False where nobody can hold one any more, as when
     /// the workers were threads of a process that is gone.
     pub keep_leases: bool,
@@ -38,8 +38,8 @@ impl Default for Options {
             insecure: false,
             metrics: None,
             policy: Policy::default(),
-            checks_per_million: limits::CHECKS_PER_MILLION,
-            retry_set_aside: true,
+            redundant_per_million: limits::REDUNDANT_PER_MILLION,
+            retry_quarantined: true,
             keep_leases: true,
             #[cfg(test)]
             panics: None,

@@ -23,7 +23,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Whether nothing is left to do: every material is complete, set aside or cancelled, and every
+    /// Whether nothing is left to do: every material is complete, quarantined or cancelled, and every
     /// second rendering that can be had is done.
     pub fn is_finished(&self) -> bool {
         self.finished
@@ -35,7 +35,7 @@ impl Progress {
 pub(crate) struct Report {
     pub progress: Progress,
     pub mode: Mode,
-    pub workers_barred: u32,
+    pub workers_blocked: u32,
     pub images_per_second: f64,
     pub store_bytes: u64,
     pub up: Duration,

@@ -265,10 +265,10 @@ impl RunningCoordinator {
         }
     }
 
-    /// Materials set aside, the first few, with their errors.
-    pub async fn set_aside(&self) -> Result<Vec<(u32, Vec<String>)>, CoordinatorError> {
-        let set_aside = self.farm.set_aside().await;
-        set_aside.map_err(|error| CoordinatorError::Store(error.to_string()))
+    /// Materials quarantined, the first few, with their errors.
+    pub async fn quarantined(&self) -> Result<Vec<(u32, Vec<String>)>, CoordinatorError> {
+        let quarantined = self.farm.quarantined().await;
+        quarantined.map_err(|error| CoordinatorError::Store(error.to_string()))
     }
 
     /// Takes no more calls, lets those under way end, makes everything durable and lets go of the

@@ -7,7 +7,7 @@ use dataset::Specification;
 pub enum AnyStore {
     /// A folder, which is its alone.
     Own(Box<Store>),
-    /// A database, beside other coordinators. What was set aside stays so until an operator says
+    /// A database, beside other coordinators. What was quarantined stays so until an operator says
     /// otherwise: coordinators come and go.
     Shared(Box<SharedStore>),
 }

@@ -12,7 +12,7 @@ use imagestore::{
     blobs::{Blobs, Claimed, sync_file_system},
     bucket::BucketUrl,
 };
-use jobqueue::{Changes, Check, Completion, JobChange, JobRecord, JobState};
+use jobqueue::{Changes, Completion, JobChange, JobRecord, JobState, RedundantRender};
 use jobstore::{Recovered, ledger::Ledger, recover};
 use std::{
     fs::{self, File},
@@ -159,7 +159,7 @@ impl Store {
                     state: JobState::Completed {
                         fingerprint: completion.fingerprint(),
                         worker: completion.worker.clone(),
-                        check: Check::None,
+                        redundant: RedundantRender::None,
                     },
                     ..JobRecord::default()
                 },

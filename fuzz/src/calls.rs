@@ -50,10 +50,10 @@ async fn begin(farm: &impl Farm, control: &impl Control, hash: &[u8]) {
         worker_id: worker_id.clone(),
     };
     farm.deregister(Request::new(leave)).await.unwrap();
-    let unbar = proto::UnbarWorkerRequest {
+    let unblock = proto::UnbarWorkerRequest {
         name: WORKER.1.to_owned(),
     };
-    drop(control.unbar_worker(Request::new(unbar)).await);
+    drop(control.unbar_worker(Request::new(unblock)).await);
     let resume = Request::new(proto::ResumeRequest {});
     control.resume(resume).await.unwrap();
     let given_up = [JobState::SetAside, JobState::Cancelled];

@@ -119,7 +119,7 @@ fn check(queue: &Queue) {
         counts.leased,
         counts.completed,
         counts.disputed,
-        counts.set_aside,
+        counts.quarantined,
         counts.cancelled,
     ];
     assert_eq!(states.iter().sum::<u32>(), MATERIALS);

@@ -17,7 +17,8 @@ use export::{
     selection::Selection,
 };
 use jobqueue::{
-    Bar, BarCause, Check, Dispute, Failure, Holder, JobRecord, JobState, Mode, WorkerRecord,
+    Block, BlockCause, Dispute, Failure, Holder, JobRecord, JobState, Mode, RedundantRender,
+    WorkerRecord,
     token::{Token, WorkerId},
 };
 use prost::Message;
@@ -104,10 +105,10 @@ fn ledger() -> Vec<u8> {
         worker: "v".to_owned(),
         error: "no light".to_owned(),
     };
-    let completed = |check| JobState::Completed {
+    let completed = |redundant| JobState::Completed {
         fingerprint: Digest::of(&[1]),
         worker: "w".to_owned(),
-        check,
+        redundant,
     };
     let dispute = Dispute {
         fingerprint: Digest::of(&[0]),
@@ -116,11 +117,11 @@ fn ledger() -> Vec<u8> {
     };
     let states = [
         JobState::Leased(holder("w")),
-        completed(Check::None),
-        completed(Check::Due),
-        completed(Check::Leased(holder("v"))),
-        completed(Check::Disputed(dispute)),
-        JobState::SetAside,
+        completed(RedundantRender::None),
+        completed(RedundantRender::Due),
+        completed(RedundantRender::Leased(holder("v"))),
+        completed(RedundantRender::Disputed(dispute)),
+        JobState::Quarantined,
         JobState::Cancelled,
     ];
     let mut lines = Vec::new();
@@ -134,17 +135,17 @@ fn ledger() -> Vec<u8> {
         }));
         lines.push(b'\n');
     }
-    let barred = WorkerRecord {
+    let blocked = WorkerRecord {
         failures: 3,
-        bar: Some(Bar {
-            cause: BarCause::Operator,
+        block: Some(Block {
+            cause: BlockCause::Operator,
             reason: "dust".to_owned(),
         }),
         ..WorkerRecord::default()
     };
     for (letter, record) in [
         (b'w', json(&WorkerRecord::default())),
-        (b'v', json(&barred)),
+        (b'v', json(&blocked)),
         (b'm', json(&Mode::Running)),
         (b'c', json(&completion(&SPECIFICATION, 0).0)),
     ] {
@@ -257,11 +258,11 @@ fn calls() -> Vec<u8> {
         selection: Some(selection),
     };
     call(b'c', cancel.encode_to_vec());
-    let bar = proto::BarWorkerRequest {
+    let block = proto::BarWorkerRequest {
         name: "w".to_owned(),
         reason: "dust".to_owned(),
     };
-    call(b'b', bar.encode_to_vec());
+    call(b'b', block.encode_to_vec());
     call(b's', Vec::new());
     call(b'w', Vec::new());
     let leave = proto::DeregisterRequest { worker_id };

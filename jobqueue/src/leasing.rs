@@ -1,7 +1,8 @@
 //! Handing jobs out, and taking them back.
 
 use super::{
-    BarCause, Changes, Check, Dispute, Failure, Holder, JobState, Mode, Policy, Queue, Refusal,
+    BlockCause, Changes, Dispute, Failure, Holder, JobState, Mode, Policy, Queue, RedundantRender,
+    Refusal,
 };
 use crate::token::{Token, WorkerId};
 use std::time::Duration;
@@ -44,14 +45,14 @@ impl Queue {
     /// Leases jobs to `worker`, one for each of `tokens` while there are jobs for it and it has
     /// room. Jobs come in the order of the tokens.
     ///
-    /// Disputes go first and checks next, so that a worker that lies is found early. A job goes
-    /// back to a worker that failed it only when nobody else is there to try.
+    /// Disputes go first and redundant renders next, so that a worker that lies is found early. A
+    /// job goes back to a worker that failed it only when nobody else is there to try.
     pub fn claim(&mut self, worker: WorkerId, tokens: &[Token], now: Duration) -> Changes {
         let mut changes = Changes::default();
         let Some(name) = self.workers.name(worker).map(str::to_owned) else {
             return changes;
         };
-        if self.mode != Mode::Running || self.workers.bar(&name).is_some() {
+        if self.mode != Mode::Running || self.workers.block(&name).is_some() {
             return changes;
         }
         let room = self.policy.leases_per_worker_max;
@@ -92,8 +93,8 @@ impl Queue {
         now < ends
     }
 
-    /// Records a failure that the holder reports: back to the queue, or set aside at the limit. It
-    /// counts against the worker too, and may bar it.
+    /// Records a failure that the holder reports: back to the queue, or quarantined at the limit. It
+    /// counts against the worker too, and may block it.
     pub fn fail(
         &mut self,
         material: u32,
@@ -118,7 +119,7 @@ impl Queue {
         changes.workers.push(worker);
         if too_many {
             let reason = format!("it failed {jobs_max} different materials in a row");
-            changes.extend(self.bar(&holder.name, BarCause::Failures, reason, now));
+            changes.extend(self.block(&holder.name, BlockCause::Failures, reason, now));
         }
         Ok(changes)
     }
@@ -135,7 +136,7 @@ impl Queue {
         self.hand_back(held, now)
     }
 
-    /// Takes back every lease whose time is over, and lifts bars whose time is.
+    /// Takes back every lease whose time is over, and lifts blocks whose time is.
     pub fn expire(&mut self, now: Duration) -> (Changes, Vec<LostLease>) {
         let over = self.expiries.iter();
         let over = over.take_while(|(expires, _)| *expires <= now);
@@ -153,23 +154,23 @@ impl Queue {
                 .push(self.workers.note_lost_lease(&holder.name));
             lost.push(LostLease { material, holder });
         }
-        changes.workers.extend(self.workers.lift_ended_bars(now));
+        changes.workers.extend(self.workers.lift_ended_blocks(now));
         (changes, lost)
     }
 
-    /// When the next lease runs out or the next bar ends, if any does.
+    /// When the next lease runs out or the next block ends, if any does.
     pub fn next_expiry(&self) -> Option<Duration> {
         let lease = self.expiries.first().map(|(expires, _)| *expires);
-        lease.into_iter().chain(self.workers.next_bar_end()).min()
+        lease.into_iter().chain(self.workers.next_block_end()).min()
     }
 
     /// What a worker of this name may be given, the most urgent first.
     fn claimable(&self, name: &str, count: usize) -> Vec<u32> {
-        let judged = self.disputed.iter().chain(&self.checks_due).copied();
-        let judged = judged.filter(|material| self.may_judge(name, *material));
+        let decision = self.disputed.iter().chain(&self.redundant_due).copied();
+        let decision = decision.filter(|material| self.may_rerender(name, *material));
         let fresh = self.pending.iter().map(|(_, material)| *material);
         let fresh = fresh.filter(|material| !self.jobs[*material].failed_on(name));
-        let mut materials: Vec<u32> = judged.chain(fresh).take(count).collect();
+        let mut materials: Vec<u32> = decision.chain(fresh).take(count).collect();
         if materials.len() < count {
             let again = self.pending.iter().map(|(_, material)| *material);
             let again = again.filter(|material| {
@@ -182,15 +183,20 @@ impl Queue {
     }
 
     /// Whether a worker of this name can say something new of a completed job.
-    pub(super) fn may_judge(&self, name: &str, material: u32) -> bool {
+    pub(super) fn may_rerender(&self, name: &str, material: u32) -> bool {
         let job = &self.jobs[material];
-        let JobState::Completed { worker, check, .. } = &job.state else {
+        let JobState::Completed {
+            worker, redundant, ..
+        } = &job.state
+        else {
             return false;
         };
-        let other = match check {
-            Check::Due => true,
-            Check::Disputed(dispute) => dispute.holder.is_none() && dispute.worker != name,
-            Check::None | Check::Leased(_) | Check::Agreed => false,
+        let other = match redundant {
+            RedundantRender::Due => true,
+            RedundantRender::Disputed(dispute) => {
+                dispute.holder.is_none() && dispute.worker != name
+            }
+            RedundantRender::None | RedundantRender::Leased(_) | RedundantRender::Agreed => false,
         };
         other && worker != name && !job.failed_on(name)
     }
@@ -203,18 +209,18 @@ impl Queue {
             || job.leases_lost >= self.policy.leases_lost_max;
         let mut changes = Changes::default();
         let state = match (unleased(job.state.clone()), hopeless) {
-            (JobState::Pending, true) => JobState::SetAside,
-            // A check that cannot be had is done without; images that two workers contradict each
-            // other about are not.
+            (JobState::Pending, true) => JobState::Quarantined,
+            // A redundant render that cannot be had is done without; images that two workers
+            // contradict each other about are not.
             (
                 JobState::Completed {
-                    check: Check::Disputed(_),
+                    redundant: RedundantRender::Disputed(_),
                     ..
                 },
                 true,
             ) => {
                 changes.retracted.push(material);
-                JobState::SetAside
+                JobState::Quarantined
             }
             (
                 JobState::Completed {
@@ -226,7 +232,7 @@ impl Queue {
             ) => JobState::Completed {
                 fingerprint,
                 worker,
-                check: Check::None,
+                redundant: RedundantRender::None,
             },
             (state, _) => state,
         };
@@ -254,19 +260,19 @@ fn leased(state: JobState, holder: Holder) -> JobState {
         JobState::Completed {
             fingerprint,
             worker,
-            check,
+            redundant,
         } => {
-            let check = match check {
-                Check::Disputed(dispute) => Check::Disputed(Dispute {
+            let redundant = match redundant {
+                RedundantRender::Disputed(dispute) => RedundantRender::Disputed(Dispute {
                     holder: Some(holder),
                     ..dispute
                 }),
-                _ => Check::Leased(holder),
+                _ => RedundantRender::Leased(holder),
             };
             JobState::Completed {
                 fingerprint,
                 worker,
-                check,
+                redundant,
             }
         }
         _ => JobState::Leased(holder),
@@ -280,20 +286,20 @@ pub fn unleased(state: JobState) -> JobState {
         JobState::Completed {
             fingerprint,
             worker,
-            check,
+            redundant,
         } => {
-            let check = match check {
-                Check::Leased(_) => Check::Due,
-                Check::Disputed(dispute) => Check::Disputed(Dispute {
+            let redundant = match redundant {
+                RedundantRender::Leased(_) => RedundantRender::Due,
+                RedundantRender::Disputed(dispute) => RedundantRender::Disputed(Dispute {
                     holder: None,
                     ..dispute
                 }),
-                check => check,
+                redundant => redundant,
             };
             JobState::Completed {
                 fingerprint,
                 worker,
-                check,
+                redundant,
             }
         }
         state => state,

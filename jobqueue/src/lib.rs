@@ -7,12 +7,12 @@
 //!
 //! ```text
 //!            claim                complete
-//! pending ----------> leased ----------------> completed: check none, or due
+//! pending ----------> leased ----------------> completed: redundant render none, or due
 //!    ^                  |                          |  claim by another
 //!    |  release, expire, fail                      v
-//!    +------------------+-----> set aside      check leased --> agreed
+//!    +------------------+-----> quarantined    redundant render leased --> agreed
 //!    |                                             |  other images
-//!    +--- retry --- set aside, cancelled           v
+//!    +--- retry --- quarantined, cancelled         v
 //!    +--- the third says that the first lied --- disputed --- a third decides
 //! ```
 //!
@@ -20,7 +20,7 @@
 //! any time at most one token can complete a job, and a token once taken never can again.
 
 mod completion;
-mod judging;
+mod consensus;
 mod leasing;
 mod operating;
 mod policy;
@@ -31,12 +31,12 @@ pub mod token;
 mod workers;
 
 pub use completion::Completion;
-pub use judging::{Refusal, Standing, Verdict};
+pub use consensus::{Refusal, Standing, Verdict};
 pub use leasing::{Lease, LostLease, unleased};
 pub use policy::Policy;
 pub use record::{
-    Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
-    WorkerChange, WorkerFailure, WorkerRecord,
+    Block, BlockCause, Changes, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
+    RedundantRender, WorkerChange, WorkerFailure, WorkerRecord,
 };
 pub use selection::{Selection, Stage};
 
@@ -63,11 +63,11 @@ pub struct Counts {
     /// Done twice, with different images.
     pub disputed: u32,
     /// Given up after too many failures.
-    pub set_aside: u32,
+    pub quarantined: u32,
     /// Not wanted any more.
     pub cancelled: u32,
     /// Of the completed, those that wait to be rendered a second time, or are being so.
-    pub checks: u32,
+    pub redundant: u32,
 }
 
 /// The queue. Of equal priority the lowest material is handed out first, so that a set completes
@@ -78,11 +78,11 @@ pub struct Queue {
     mode: Mode,
     jobs: Records,
     pending: BTreeSet<(Reverse<i32>, u32)>,
-    set_aside: BTreeSet<u32>,
+    quarantined: BTreeSet<u32>,
     cancelled: BTreeSet<u32>,
     // Completed, and somebody else has to render them again.
-    checks_due: BTreeSet<u32>,
-    checks_leased: u32,
+    redundant_due: BTreeSet<u32>,
+    redundant_leased: u32,
     disputed: BTreeSet<u32>,
     completed: u32,
     leases: BTreeMap<u32, Lease>,
@@ -103,10 +103,10 @@ impl Queue {
             pending: (0..materials)
                 .map(|material| (Reverse(0), material))
                 .collect(),
-            set_aside: BTreeSet::new(),
+            quarantined: BTreeSet::new(),
             cancelled: BTreeSet::new(),
-            checks_due: BTreeSet::new(),
-            checks_leased: 0,
+            redundant_due: BTreeSet::new(),
+            redundant_leased: 0,
             disputed: BTreeSet::new(),
             completed: 0,
             leases: BTreeMap::new(),
@@ -140,9 +140,9 @@ impl Queue {
         }
     }
 
-    /// Adds a worker's history to a queue of some, and when a bar over failures ends.
-    pub fn add_worker(&mut self, worker: WorkerChange, bar_ends: Duration) {
-        self.workers.restore(worker, bar_ends);
+    /// Adds a worker's history to a queue of some, and when a block over failures ends.
+    pub fn add_worker(&mut self, worker: WorkerChange, block_ends: Duration) {
+        self.workers.restore(worker, block_ends);
     }
 
     /// The lease of a job, if it has one.
@@ -150,12 +150,12 @@ impl Queue {
         self.leases.get(&material)
     }
 
-    /// When the bar of a worker that failed too often ends.
-    pub fn bar_end(&self, name: &str) -> Option<Duration> {
-        self.workers.bar_end(name)
+    /// When the block of a worker that failed too often ends.
+    pub fn block_end(&self, name: &str) -> Option<Duration> {
+        self.workers.block_end(name)
     }
 
-    /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and bars get
+    /// Takes over what a ledger kept; jobs beyond the queue are passed over. Leases and blocks get
     /// their full time again: while the coordinator was away nobody could renew them.
     pub fn restore(&mut self, kept: Changes, now: Duration) {
         for JobChange { material, record } in kept.jobs {
@@ -164,7 +164,7 @@ impl Queue {
             }
         }
         for worker in kept.workers {
-            self.workers.restore(worker, now + self.policy.bar);
+            self.workers.restore(worker, now + self.policy.block);
         }
         self.mode = kept.mode.unwrap_or(self.mode);
     }
@@ -181,19 +181,19 @@ impl Queue {
 
     /// How many jobs are in which state.
     pub fn counts(&self) -> Counts {
-        let checks = self.checks_due.len() as u32 + self.checks_leased;
+        let redundant = self.redundant_due.len() as u32 + self.redundant_leased;
         let third_opinions = self.disputed.iter();
         let third_opinions = third_opinions.filter(|material| self.leases.contains_key(material));
-        let other_leases = self.checks_leased + third_opinions.count() as u32;
+        let other_leases = self.redundant_leased + third_opinions.count() as u32;
         Counts {
             materials: self.jobs.len() as u32,
             pending: self.pending.len() as u32,
             leased: self.leases.len() as u32 - other_leases,
             completed: self.completed,
             disputed: self.disputed.len() as u32,
-            set_aside: self.set_aside.len() as u32,
+            quarantined: self.quarantined.len() as u32,
             cancelled: self.cancelled.len() as u32,
-            checks,
+            redundant,
         }
     }
 
@@ -203,10 +203,10 @@ impl Queue {
         self.pending.is_empty()
             && self.leases.is_empty()
             && self.disputed.is_empty()
-            && !self.checks_due.iter().any(|material| {
+            && !self.redundant_due.iter().any(|material| {
                 self.workers
                     .able()
-                    .any(|name| self.may_judge(name, *material))
+                    .any(|name| self.may_rerender(name, *material))
             })
     }
 
@@ -235,9 +235,9 @@ impl Queue {
         Some(self.lease(material)?.views_done)
     }
 
-    /// Why a worker of this name gets no work, if it is barred.
-    pub fn bar_of(&self, name: &str) -> Option<&Bar> {
-        self.workers.bar(name)
+    /// Why a worker of this name gets no work, if it is blocked.
+    pub fn block_of(&self, name: &str) -> Option<&Block> {
+        self.workers.block(name)
     }
 
     /// Workers with a history, by name.
@@ -291,23 +291,23 @@ impl Queue {
                 self.pending.insert((Reverse(record.priority), material));
             }
             JobState::Leased(_) => {}
-            JobState::Completed { check, .. } => match check {
-                Check::Disputed(_) => {
+            JobState::Completed { redundant, .. } => match redundant {
+                RedundantRender::Disputed(_) => {
                     self.disputed.insert(material);
                 }
-                check => {
+                redundant => {
                     self.completed += 1;
-                    match check {
-                        Check::Due => {
-                            self.checks_due.insert(material);
+                    match redundant {
+                        RedundantRender::Due => {
+                            self.redundant_due.insert(material);
                         }
-                        Check::Leased(_) => self.checks_leased += 1,
+                        RedundantRender::Leased(_) => self.redundant_leased += 1,
                         _ => {}
                     }
                 }
             },
-            JobState::SetAside => {
-                self.set_aside.insert(material);
+            JobState::Quarantined => {
+                self.quarantined.insert(material);
             }
             JobState::Cancelled => {
                 self.cancelled.insert(material);
@@ -336,17 +336,17 @@ impl Queue {
                 self.pending.remove(&(Reverse(job.priority), material));
             }
             JobState::Leased(_) => {}
-            JobState::Completed { check, .. } => {
+            JobState::Completed { redundant, .. } => {
                 if !self.disputed.remove(&material) {
                     self.completed -= 1;
                 }
-                self.checks_due.remove(&material);
-                if matches!(check, Check::Leased(_)) {
-                    self.checks_leased -= 1;
+                self.redundant_due.remove(&material);
+                if matches!(redundant, RedundantRender::Leased(_)) {
+                    self.redundant_leased -= 1;
                 }
             }
-            JobState::SetAside => {
-                self.set_aside.remove(&material);
+            JobState::Quarantined => {
+                self.quarantined.remove(&material);
             }
             JobState::Cancelled => {
                 self.cancelled.remove(&material);

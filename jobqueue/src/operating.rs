@@ -1,16 +1,17 @@
-//! What people do to the queue: retry, cancel, prioritise, pause, resume, drain, bar, unbar.
+//! What people do to the queue: retry, cancel, prioritise, pause, resume, drain, block, unblock.
 
 use super::{
-    Bar, BarCause, Changes, Check, JobChange, JobRecord, JobState, Mode, Queue, WorkerChange,
+    Block, BlockCause, Changes, JobChange, JobRecord, JobState, Mode, Queue, RedundantRender,
+    WorkerChange,
 };
 use std::time::Duration;
 
 impl Queue {
-    /// Gives jobs that were set aside or cancelled another chance, with their history wiped. Jobs
+    /// Gives jobs that were quarantined or cancelled another chance, with their history wiped. Jobs
     /// in other states are left alone.
     pub fn retry(&mut self, materials: impl IntoIterator<Item = u32>, now: Duration) -> Changes {
         self.change_each(materials, now, |job| match job.state {
-            JobState::SetAside | JobState::Cancelled => Some(JobRecord {
+            JobState::Quarantined | JobState::Cancelled => Some(JobRecord {
                 priority: job.priority,
                 ..JobRecord::default()
             }),
@@ -18,16 +19,16 @@ impl Queue {
         })
     }
 
-    /// The same for all that were set aside.
-    pub fn retry_set_aside(&mut self, now: Duration) -> Changes {
-        self.retry(self.set_aside.clone(), now)
+    /// The same for all that were quarantined.
+    pub fn retry_quarantined(&mut self, now: Duration) -> Changes {
+        self.retry(self.quarantined.clone(), now)
     }
 
     /// Gives up jobs that are not done; their holders hear of it at their next renewal. Jobs in
     /// other states are left alone.
     pub fn cancel(&mut self, materials: impl IntoIterator<Item = u32>, now: Duration) -> Changes {
         self.change_each(materials, now, |job| match job.state {
-            JobState::Pending | JobState::Leased(_) | JobState::SetAside => Some(JobRecord {
+            JobState::Pending | JobState::Leased(_) | JobState::Quarantined => Some(JobRecord {
                 state: JobState::Cancelled,
                 ..job.clone()
             }),
@@ -64,11 +65,17 @@ impl Queue {
 
     /// Gives a worker no more work and takes back what it holds. Of one that delivered wrong
     /// images, everything that nobody else has rendered the same goes back to the queue.
-    pub fn bar(&mut self, name: &str, cause: BarCause, reason: String, now: Duration) -> Changes {
-        let bar = Bar { cause, reason };
-        let bar_ends = now + self.policy.bar;
+    pub fn block(
+        &mut self,
+        name: &str,
+        cause: BlockCause,
+        reason: String,
+        now: Duration,
+    ) -> Changes {
+        let block = Block { cause, reason };
+        let block_ends = now + self.policy.block;
         let mut changes = Changes {
-            workers: vec![self.workers.set_bar(name, bar, bar_ends)],
+            workers: vec![self.workers.set_block(name, block, block_ends)],
             ..Changes::default()
         };
         let held = self.leases.keys().copied();
@@ -78,15 +85,15 @@ impl Queue {
         });
         let held: Vec<u32> = held.collect();
         changes.extend(self.hand_back(held, now));
-        if cause == BarCause::Disagreement {
+        if cause == BlockCause::Disagreement {
             changes.extend(self.disown(name, now));
         }
         changes
     }
 
-    /// Lets a worker work again, if it is barred.
-    pub fn unbar(&mut self, name: &str) -> Option<WorkerChange> {
-        self.workers.lift_bar(name)
+    /// Lets a worker work again, if it is blocked.
+    pub fn unblock(&mut self, name: &str) -> Option<WorkerChange> {
+        self.workers.lift_block(name)
     }
 
     /// Takes from the set what only this worker vouches for.
@@ -97,23 +104,25 @@ impl Queue {
             let JobState::Completed {
                 fingerprint,
                 worker,
-                check,
+                redundant,
             } = self.jobs[material].state.clone()
             else {
                 continue;
             };
-            let state = match check {
-                Check::Agreed => continue,
+            let state = match redundant {
+                RedundantRender::Agreed => continue,
                 _ if worker == name => {
                     changes.retracted.push(material);
                     JobState::Pending
                 }
                 // Its contradiction counts for nothing; somebody else has to look.
-                Check::Disputed(dispute) if dispute.worker == name => JobState::Completed {
-                    fingerprint,
-                    worker,
-                    check: Check::Due,
-                },
+                RedundantRender::Disputed(dispute) if dispute.worker == name => {
+                    JobState::Completed {
+                        fingerprint,
+                        worker,
+                        redundant: RedundantRender::Due,
+                    }
+                }
                 _ => continue,
             };
             changes.jobs.push(self.transition(material, state, now));

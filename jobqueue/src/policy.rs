@@ -11,18 +11,18 @@ pub struct Policy {
     pub stall: Duration,
     /// How long a lease is prolonged at all.
     pub deadline: Duration,
-    /// Different workers on which a job fails before it is set aside.
+    /// Different workers on which a job fails before it is quarantined.
     pub workers_failed_max: u32,
-    /// Failures after which a job is set aside in a farm of fewer workers than that.
+    /// Failures after which a job is quarantined in a farm of fewer workers than that.
     pub failures_max: u32,
-    /// Lost leases after which a job is set aside.
+    /// Lost leases after which a job is quarantined.
     pub leases_lost_max: u32,
     /// The most leases of one worker.
     pub leases_per_worker_max: u32,
-    /// Different jobs that a worker fails in a row before it is barred.
+    /// Different jobs that a worker fails in a row before it is blocked.
     pub jobs_failed_max: u32,
     /// How long it then is.
-    pub bar: Duration,
+    pub block: Duration,
 }
 
 impl Default for Policy {
@@ -36,7 +36,7 @@ impl Default for Policy {
             leases_lost_max: limits::LEASES_LOST_MAX,
             leases_per_worker_max: limits::protocol::LEASES_PER_WORKER_MAX,
             jobs_failed_max: limits::JOBS_FAILED_MAX,
-            bar: limits::BAR,
+            block: limits::BLOCK,
         }
     }
 }

@@ -32,11 +32,13 @@ pub enum JobState {
         /// The name of the worker whose images they are.
         worker: String,
         /// Whether somebody else has rendered the same.
-        #[serde(default, skip_serializing_if = "Check::is_none")]
-        check: Check,
+        #[serde(rename = "check")]
+        #[serde(default, skip_serializing_if = "RedundantRender::is_none")]
+        redundant: RedundantRender,
     },
     /// Given up after too many failures: quarantined.
-    SetAside,
+    #[serde(rename = "set_aside")]
+    Quarantined,
     /// Not wanted any more, by an operator's word.
     Cancelled,
 }
@@ -44,7 +46,7 @@ pub enum JobState {
 /// What a second worker said of a completed job.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Check {
+pub enum RedundantRender {
     /// Nobody is asked.
     #[default]
     None,
@@ -101,7 +103,7 @@ pub struct JobRecord {
 /// Why a worker gets no work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum BarCause {
+pub enum BlockCause {
     /// It failed several jobs in a row; it is tried again after a while.
     Failures,
     /// It delivered images that two others contradict.
@@ -113,9 +115,9 @@ pub enum BarCause {
 /// A worker that gets no work, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Bar {
+pub struct Block {
     /// The kind of reason.
-    pub cause: BarCause,
+    pub cause: BlockCause,
     /// The reason as a sentence.
     pub reason: String,
 }
@@ -143,9 +145,10 @@ pub struct WorkerRecord {
     /// Leases it ever let run out.
     #[serde(default, skip_serializing_if = "is_default")]
     pub leases_lost: u64,
-    /// Whether it is barred.
+    /// Whether it is blocked.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bar: Option<Bar>,
+    #[serde(rename = "bar")]
+    pub block: Option<Block>,
 }
 
 /// Whether work is handed out.
@@ -194,26 +197,26 @@ pub struct Changes {
 }
 
 impl JobState {
-    /// Who holds the job's lease, be it of the job itself, of its check or of a dispute.
+    /// Who holds the job's lease, be it of the job itself, of its redundant render or of a dispute.
     pub fn holder(&self) -> Option<&Holder> {
         match self {
             Self::Leased(holder) => Some(holder),
-            Self::Completed { check, .. } => match check {
-                Check::Leased(holder) => Some(holder),
-                Check::Disputed(dispute) => dispute.holder.as_ref(),
-                Check::None | Check::Due | Check::Agreed => None,
+            Self::Completed { redundant, .. } => match redundant {
+                RedundantRender::Leased(holder) => Some(holder),
+                RedundantRender::Disputed(dispute) => dispute.holder.as_ref(),
+                RedundantRender::None | RedundantRender::Due | RedundantRender::Agreed => None,
             },
-            Self::Pending | Self::SetAside | Self::Cancelled => None,
+            Self::Pending | Self::Quarantined | Self::Cancelled => None,
         }
     }
 
     /// Whether the job's images are there and nobody contradicts them.
     pub fn is_completed(&self) -> bool {
-        matches!(self, Self::Completed { check, .. } if !matches!(check, Check::Disputed(_)))
+        matches!(self, Self::Completed { redundant, .. } if !matches!(redundant, RedundantRender::Disputed(_)))
     }
 }
 
-impl Check {
+impl RedundantRender {
     fn is_none(&self) -> bool {
         *self == Self::None
     }
@@ -256,9 +259,9 @@ impl Changes {
     pub fn offer_work(&self) -> bool {
         let offered = |change: &JobChange| match &change.record.state {
             JobState::Pending => true,
-            JobState::Completed { check, .. } => match check {
-                Check::Due => true,
-                Check::Disputed(dispute) => dispute.holder.is_none(),
+            JobState::Completed { redundant, .. } => match redundant {
+                RedundantRender::Due => true,
+                RedundantRender::Disputed(dispute) => dispute.holder.is_none(),
                 _ => false,
             },
             _ => false,

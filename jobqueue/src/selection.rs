@@ -1,6 +1,6 @@
 //! Which jobs an operator means.
 
-use super::record::{Check, JobRecord, JobState};
+use super::record::{JobRecord, JobState, RedundantRender};
 
 /// Where a job stands, in one word.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -14,7 +14,7 @@ pub enum Stage {
     /// Done twice, with different images.
     Disputed,
     /// Given up after too many failures.
-    SetAside,
+    Quarantined,
     /// Not wanted any more.
     Cancelled,
 }
@@ -64,11 +64,11 @@ impl JobState {
         match self {
             Self::Pending => Stage::Pending,
             Self::Leased(_) => Stage::Leased,
-            Self::Completed { check, .. } => match check {
-                Check::Disputed(_) => Stage::Disputed,
+            Self::Completed { redundant, .. } => match redundant {
+                RedundantRender::Disputed(_) => Stage::Disputed,
                 _ => Stage::Completed,
             },
-            Self::SetAside => Stage::SetAside,
+            Self::Quarantined => Stage::Quarantined,
             Self::Cancelled => Stage::Cancelled,
         }
     }

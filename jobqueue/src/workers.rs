@@ -1,9 +1,9 @@
-//! The workers as the queue sees them: who is present, who failed how often, who is barred.
+//! The workers as the queue sees them: who is present, who failed how often, who is blocked.
 //!
 //! A worker is known by its name. Several processes may share one; then they share its failures
-//! and its bar.
+//! and its block.
 
-use super::record::{Bar, BarCause, WorkerChange, WorkerFailure, WorkerRecord};
+use super::record::{Block, BlockCause, WorkerChange, WorkerFailure, WorkerRecord};
 use crate::token::WorkerId;
 use std::{
     collections::{BTreeMap, HashMap},
@@ -14,8 +14,8 @@ use std::{
 #[derive(Clone, Debug, Default)]
 pub(super) struct Workers {
     records: BTreeMap<String, WorkerRecord>,
-    // When bars over failures end.
-    bar_ends: BTreeMap<String, Duration>,
+    // When blocks over failures end.
+    block_ends: BTreeMap<String, Duration>,
     sessions: HashMap<WorkerId, String>,
     // How many sessions each name has; no entry is zero.
     present: BTreeMap<String, u32>,
@@ -51,14 +51,14 @@ impl Workers {
         sessions.map(|(worker, name)| (*worker, name.as_str()))
     }
 
-    pub fn bar(&self, name: &str) -> Option<&Bar> {
-        self.records.get(name)?.bar.as_ref()
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.records.get(name)?.block.as_ref()
     }
 
-    /// Names of workers that are there and not barred.
+    /// Names of workers that are there and not blocked.
     pub fn able(&self) -> impl Iterator<Item = &str> {
         let names = self.present.keys().map(String::as_str);
-        names.filter(|name| self.bar(name).is_none())
+        names.filter(|name| self.block(name).is_none())
     }
 
     pub fn records(&self) -> impl Iterator<Item = (&str, &WorkerRecord)> {
@@ -66,9 +66,9 @@ impl Workers {
         records.map(|(name, record)| (name.as_str(), record))
     }
 
-    pub fn restore(&mut self, change: WorkerChange, bar_ends: Duration) {
+    pub fn restore(&mut self, change: WorkerChange, block_ends: Duration) {
         let WorkerChange { name, record } = change;
-        self.put(name, record, bar_ends);
+        self.put(name, record, block_ends);
     }
 
     /// Notes a failure; true when it was one too many in a row.
@@ -90,7 +90,7 @@ impl Workers {
         if failures.len() > limits::WORKER_FAILURES_KEPT_MAX {
             failures.remove(0);
         }
-        let too_many = failures.len() as u32 >= failures_max && record.bar.is_none();
+        let too_many = failures.len() as u32 >= failures_max && record.block.is_none();
         (self.keep(name, record), too_many)
     }
 
@@ -111,35 +111,35 @@ impl Workers {
         Some(self.keep(name, record))
     }
 
-    /// Bars a worker; a bar over failures ends at `end`.
-    pub fn set_bar(&mut self, name: &str, bar: Bar, end: Duration) -> WorkerChange {
+    /// Blocks a worker; a block over failures ends at `end`.
+    pub fn set_block(&mut self, name: &str, block: Block, end: Duration) -> WorkerChange {
         let mut record = self.record(name);
-        record.bar = Some(bar);
+        record.block = Some(block);
         self.put(name.to_owned(), record, end)
     }
 
-    /// Lifts a worker's bar and ends its row of failures, if it is barred.
-    pub fn lift_bar(&mut self, name: &str) -> Option<WorkerChange> {
+    /// Lifts a worker's block and ends its row of failures, if it is blocked.
+    pub fn lift_block(&mut self, name: &str) -> Option<WorkerChange> {
         let mut record = self.records.get(name)?.clone();
-        record.bar.take()?;
+        record.block.take()?;
         record.failures_in_a_row.clear();
         Some(self.keep(name, record))
     }
 
-    /// Lifts the bars over failures whose time is over.
-    pub fn lift_ended_bars(&mut self, now: Duration) -> Vec<WorkerChange> {
-        let ended = self.bar_ends.iter().filter(|(_, end)| **end <= now);
+    /// Lifts the blocks over failures whose time is over.
+    pub fn lift_ended_blocks(&mut self, now: Duration) -> Vec<WorkerChange> {
+        let ended = self.block_ends.iter().filter(|(_, end)| **end <= now);
         let ended: Vec<String> = ended.map(|(name, _)| name.clone()).collect();
-        let lifted = ended.iter().filter_map(|name| self.lift_bar(name));
+        let lifted = ended.iter().filter_map(|name| self.lift_block(name));
         lifted.collect()
     }
 
-    pub fn bar_end(&self, name: &str) -> Option<Duration> {
-        self.bar_ends.get(name).copied()
+    pub fn block_end(&self, name: &str) -> Option<Duration> {
+        self.block_ends.get(name).copied()
     }
 
-    pub fn next_bar_end(&self) -> Option<Duration> {
-        self.bar_ends.values().min().copied()
+    pub fn next_block_end(&self) -> Option<Duration> {
+        self.block_ends.values().min().copied()
     }
 
     fn record(&self, name: &str) -> WorkerRecord {
@@ -147,21 +147,21 @@ impl Workers {
     }
 
     fn keep(&mut self, name: &str, record: WorkerRecord) -> WorkerChange {
-        let end = self.bar_ends.get(name).copied().unwrap_or_default();
+        let end = self.block_ends.get(name).copied().unwrap_or_default();
         self.put(name.to_owned(), record, end)
     }
 
-    fn put(&mut self, name: String, record: WorkerRecord, bar_ends: Duration) -> WorkerChange {
-        let bar = record.bar.as_ref();
-        if bar.is_some_and(|bar| bar.cause == BarCause::Failures) {
-            self.bar_ends.insert(name.clone(), bar_ends);
+    fn put(&mut self, name: String, record: WorkerRecord, block_ends: Duration) -> WorkerChange {
+        let block = record.block.as_ref();
+        if block.is_some_and(|block| block.cause == BlockCause::Failures) {
+            self.block_ends.insert(name.clone(), block_ends);
         } else {
-            self.bar_ends.remove(&name);
+            self.block_ends.remove(&name);
         }
-        // Names come from outside: beyond the limit only bars are remembered.
+        // Names come from outside: beyond the limit only blocks are remembered.
         let known = self.records.contains_key(&name);
         let room = self.records.len() < limits::WORKER_RECORDS_MAX;
-        if !known && !room && record.bar.is_none() {
+        if !known && !room && record.block.is_none() {
             let record = WorkerRecord::default();
             return WorkerChange { name, record };
         }

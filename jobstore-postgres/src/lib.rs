@@ -53,12 +53,12 @@ pub use schema::Identity;
 
 use dataset::Digest;
 use jobqueue::{
-    BarCause, Changes, Mode, Policy, Selection, Standing, WorkerChange,
+    BlockCause, Changes, Mode, Policy, Selection, Standing, WorkerChange,
     token::{Token, WorkerId},
 };
 use jobstore::{
-    Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder, JobsPage,
-    Judged, Leased, Meter, Renewal, Workers, ledger::BlobPlace,
+    Decision, Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder,
+    JobsPage, Leased, Meter, Renewal, Workers, ledger::BlobPlace,
 };
 use std::{
     collections::BTreeSet,
@@ -203,7 +203,7 @@ impl JobStore for PostgresJobStore {
         self.turns.standing(material, token, fingerprint).await
     }
 
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
+    async fn complete(&self, delivery: Delivery) -> Result<Decision, JobStoreError> {
         self.turns.complete(delivery).await
     }
 
@@ -240,17 +240,17 @@ impl JobStore for PostgresJobStore {
         self.shared.set_mode(mode).await
     }
 
-    async fn bar(
+    async fn block(
         &self,
         name: &str,
-        cause: BarCause,
+        cause: BlockCause,
         reason: String,
     ) -> Result<Changes, JobStoreError> {
-        self.shared.bar(name, cause, reason).await
+        self.shared.block(name, cause, reason).await
     }
 
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
-        self.shared.unbar(name).await
+    async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
+        self.shared.unblock(name).await
     }
 
     async fn jobs(

@@ -20,7 +20,7 @@ const STAGES: [Stage; 6] = [
     Stage::Leased,
     Stage::Completed,
     Stage::Disputed,
-    Stage::SetAside,
+    Stage::Quarantined,
     Stage::Cancelled,
 ];
 
@@ -42,12 +42,12 @@ impl Shared {
                 leased,
                 completed,
                 disputed,
-                set_aside,
+                quarantined,
                 cancelled,
-                checks,
+                redundant,
             ] = counted;
             let materials = counted[..6].iter().sum();
-            let barred: i64 = row.get(8);
+            let blocked: i64 = row.get(8);
             Ok(Overview {
                 counts: Counts {
                     materials,
@@ -55,12 +55,12 @@ impl Shared {
                     leased,
                     completed,
                     disputed,
-                    set_aside,
+                    quarantined,
                     cancelled,
-                    checks,
+                    redundant,
                 },
                 mode: mode(row.get(7))?,
-                workers_barred: number(barred)?,
+                workers_blocked: number(blocked)?,
                 finished: is_finished(&transaction).await?,
             })
         })?;

@@ -7,8 +7,8 @@ use super::{
 use deadpool_postgres::Transaction;
 use futures_util::try_join;
 use jobqueue::{
-    BarCause, Changes, Check, Completion, Holder, JobRecord, JobState, Lease, Mode, Policy, Queue,
-    Stage, WorkerChange, WorkerRecord,
+    BlockCause, Changes, Completion, Holder, JobRecord, JobState, Lease, Mode, Policy, Queue,
+    RedundantRender, Stage, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
 use jobstore::JobStoreError;
@@ -165,11 +165,11 @@ impl LockedJobs {
         let statement = include_str!("sql/workers_of_names.sql");
         for row in query(transaction, statement, &[&names]).await? {
             let record = json(row.get(1), "worker")?;
-            let bar_ends: Option<i64> = row.get(2);
+            let block_ends: Option<i64> = row.get(2);
             let name = row.get(0);
-            let bar_ends = time(bar_ends.unwrap_or_default());
+            let block_ends = time(block_ends.unwrap_or_default());
             self.queue
-                .add_worker(WorkerChange { name, record }, bar_ends);
+                .add_worker(WorkerChange { name, record }, block_ends);
         }
         Ok(())
     }
@@ -276,17 +276,17 @@ impl LockedJobs {
             return Ok(());
         }
         let names: Vec<&str> = kept.iter().map(|(name, _)| *name).collect();
-        let barred: Vec<bool> = kept
+        let blocked: Vec<bool> = kept
             .iter()
-            .map(|(_, record)| record.bar.is_some())
+            .map(|(_, record)| record.block.is_some())
             .collect();
         let failing = kept
             .iter()
             .map(|(_, record)| !record.failures_in_a_row.is_empty());
         let failing: Vec<bool> = failing.collect();
         let ends = kept.iter().map(|(name, record)| {
-            let cause = record.bar.as_ref().map(|bar| bar.cause);
-            let ends = (cause == Some(BarCause::Failures)).then(|| self.queue.bar_end(name));
+            let cause = record.block.as_ref().map(|block| block.cause);
+            let ends = (cause == Some(BlockCause::Failures)).then(|| self.queue.block_end(name));
             ends.flatten().map(ms)
         });
         let ends: Vec<Option<i64>> = ends.collect();
@@ -297,7 +297,7 @@ impl LockedJobs {
             include_str!("sql/write_workers.sql"),
             &[
                 &names,
-                &barred,
+                &blocked,
                 &failing,
                 &ends,
                 &records,
@@ -328,7 +328,7 @@ impl LockedJobs {
             leased,
             completed,
             disputed,
-            set_aside,
+            quarantined,
             cancelled,
             checks,
         ] = &tally;
@@ -336,7 +336,13 @@ impl LockedJobs {
             transaction,
             include_str!("sql/tally.sql"),
             &[
-                pending, leased, completed, disputed, set_aside, cancelled, checks,
+                pending,
+                leased,
+                completed,
+                disputed,
+                quarantined,
+                cancelled,
+                checks,
             ],
         )
         .await?;
@@ -473,19 +479,25 @@ async fn write_jobs(
     let mut renderers: Vec<Option<&str>> = Vec::new();
     let mut contradictors: Vec<Option<&str>> = Vec::new();
     for job in jobs.values() {
-        let (judge, renderer, contradictor) = match &job.state {
-            JobState::Completed { worker, check, .. } => match check {
-                Check::Agreed => (false, None, None),
-                Check::Disputed(dispute) => (
+        let (redundant, renderer, contradictor) = match &job.state {
+            JobState::Completed {
+                worker, redundant, ..
+            } => match redundant {
+                RedundantRender::Agreed => (false, None, None),
+                RedundantRender::Disputed(dispute) => (
                     dispute.holder.is_none(),
                     Some(worker.as_str()),
                     Some(dispute.worker.as_str()),
                 ),
-                check => (*check == Check::Due, Some(worker.as_str()), None),
+                redundant => (
+                    *redundant == RedundantRender::Due,
+                    Some(worker.as_str()),
+                    None,
+                ),
             },
             _ => (false, None, None),
         };
-        wanted.push(judge);
+        wanted.push(redundant);
         renderers.push(renderer);
         contradictors.push(contradictor);
     }
@@ -572,7 +584,7 @@ async fn write_images(
 fn count(tally: &mut [i64; 7], job: &JobRecord, by: i64) {
     tally[job.state.stage() as usize] += by;
     if let JobState::Completed {
-        check: Check::Due | Check::Leased(_),
+        redundant: RedundantRender::Due | RedundantRender::Leased(_),
         ..
     } = job.state
     {
@@ -626,7 +638,7 @@ pub(super) fn stage_name(stage: Stage) -> &'static str {
         Stage::Leased => "leased",
         Stage::Completed => "completed",
         Stage::Disputed => "disputed",
-        Stage::SetAside => "set_aside",
+        Stage::Quarantined => "set_aside",
         Stage::Cancelled => "cancelled",
     }
 }

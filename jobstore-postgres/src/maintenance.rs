@@ -7,7 +7,7 @@ use super::{
     locked_jobs::{LockMode, LockedJobs, json, number},
 };
 use deadpool_postgres::{ClientWrapper, Object};
-use jobqueue::{Changes, Check, Completion, JobChange, JobRecord, JobState, Policy};
+use jobqueue::{Changes, Completion, JobChange, JobRecord, JobState, Policy, RedundantRender};
 use std::{
     collections::HashMap,
     time::{Duration, Instant},
@@ -129,7 +129,7 @@ async fn amend(
         let state = JobState::Completed {
             fingerprint: completion.fingerprint(),
             worker: completion.worker.clone(),
-            check: Check::None,
+            redundant: RedundantRender::None,
         };
         let record = JobRecord {
             state,

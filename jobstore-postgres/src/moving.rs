@@ -128,7 +128,7 @@ impl MaintenanceSession {
         })
     }
 
-    /// Writes what is kept of workers over what is there, and the mode. Bars over failures get
+    /// Writes what is kept of workers over what is there, and the mode. Blocks over failures get
     /// their full time again.
     pub async fn write_farm(&mut self, farm: &KeptFarm) -> Result<(), DatabaseError> {
         let written = self.write_farm_once(farm).await;
@@ -139,7 +139,7 @@ impl MaintenanceSession {
         let transaction = self.client.transaction().await?;
         let policy = Policy::default();
         let mut locked = LockedJobs::begin(&transaction, LockMode::Exclusive, policy).await?;
-        let ends = locked.now + policy.bar;
+        let ends = locked.now + policy.block;
         let workers = farm.workers.iter().map(|(name, record)| WorkerChange {
             name: name.clone(),
             record: record.clone(),

@@ -7,7 +7,7 @@ use super::{
     locked_jobs::{LockMode, LockedJobs, number, stage_name},
 };
 use jobqueue::{
-    BarCause, Changes, Mode, Selection, Stage, WorkerChange,
+    BlockCause, Changes, Mode, Selection, Stage, WorkerChange,
     token::{Token, WorkerId},
 };
 use jobstore::{Failed, JobStoreError, JobsOrder};
@@ -100,8 +100,8 @@ impl Shared {
         selection: &Selection,
     ) -> Result<Changes, JobStoreError> {
         let stages: &[Stage] = match order {
-            JobsOrder::Retry => &[Stage::SetAside, Stage::Cancelled],
-            JobsOrder::Cancel => &[Stage::Pending, Stage::Leased, Stage::SetAside],
+            JobsOrder::Retry => &[Stage::Quarantined, Stage::Cancelled],
+            JobsOrder::Cancel => &[Stage::Pending, Stage::Leased, Stage::Quarantined],
             JobsOrder::Prioritize(_) => &[Stage::Pending],
         };
         let stages = stages.iter().filter(|stage| selection.has_stage(**stage));
@@ -155,18 +155,18 @@ impl Shared {
         Ok(changes)
     }
 
-    pub async fn bar(
+    pub async fn block(
         &self,
         name: &str,
-        cause: BarCause,
+        cause: BlockCause,
         reason: String,
     ) -> Result<Changes, JobStoreError> {
         let reason = &reason;
         let changes = exclusively!(self, |transaction, locked| {
             locked.add_workers(transaction, &[name]).await?;
-            let vouched = cause == BarCause::Disagreement;
+            let vouched = cause == BlockCause::Disagreement;
             locked.add_all_of(transaction, &[name], vouched).await?;
-            let changes = locked.queue.bar(name, cause, reason.clone(), locked.now);
+            let changes = locked.queue.block(name, cause, reason.clone(), locked.now);
             (changes.clone(), changes)
         });
         let changes = changes?;
@@ -174,10 +174,10 @@ impl Shared {
         Ok(changes)
     }
 
-    pub async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
+    pub async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
         let change = exclusively!(self, |transaction, locked| {
             locked.add_workers(transaction, &[name]).await?;
-            let change = locked.queue.unbar(name);
+            let change = locked.queue.unblock(name);
             let changes = Changes {
                 workers: change.iter().cloned().collect(),
                 ..Changes::default()

@@ -2,7 +2,7 @@
 //! along.
 //!
 //! Whoever looks notes when. Where the note is old no coordinator was there, or no database, and
-//! nobody could renew: then all leases, and bars over failures, get their full time again.
+//! nobody could renew: then all leases, and blocks over failures, get their full time again.
 
 use super::{
     Shared,
@@ -33,7 +33,7 @@ impl Shared {
         let overview = self.publish_overview().await?;
         let counts = overview.counts;
         // Other coordinators give work back as well, and nobody tells.
-        let offered = counts.pending + counts.checks + counts.disputed > 0;
+        let offered = counts.pending + counts.redundant + counts.disputed > 0;
         if overview.finished || offered {
             self.wake();
         }
@@ -77,8 +77,13 @@ impl Shared {
         let expires = ms(now + self.policy.lease.min(self.policy.deadline));
         let statement = include_str!("sql/prolong_leases.sql");
         let leases = execute(transaction, statement, &[&ms(now), &expires]).await?;
-        let ends = ms(now + self.policy.bar);
-        execute(transaction, include_str!("sql/prolong_bars.sql"), &[&ends]).await?;
+        let ends = ms(now + self.policy.block);
+        execute(
+            transaction,
+            include_str!("sql/prolong_blocks.sql"),
+            &[&ends],
+        )
+        .await?;
         if leases > 0 {
             tracing::info!(
                 leases,
@@ -97,7 +102,7 @@ impl Shared {
             let materials: BTreeSet<i64> = over.iter().map(|row| row.get(0)).collect();
             let materials: Vec<i64> = materials.into_iter().collect();
             locked.lock_jobs(transaction, &materials).await?;
-            let statement = include_str!("sql/bars_ended.sql");
+            let statement = include_str!("sql/blocks_ended.sql");
             let ended = query(transaction, statement, &[&now]).await?;
             let mut names: BTreeSet<&str> = over.iter().map(|row| row.get(1)).collect();
             names.extend(ended.iter().map(|row| row.get::<_, &str>(0)));

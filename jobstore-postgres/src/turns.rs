@@ -28,7 +28,7 @@ use jobqueue::{
     Completion, Mode, Queue, Standing,
     token::{Token, WorkerId},
 };
-use jobstore::{Delivery, JobStoreError, Judged, Leased, Renewal};
+use jobstore::{Decision, Delivery, JobStoreError, Leased, Renewal};
 use requests::{Answers, Batch, Questions, Requests};
 use std::{
     collections::BTreeMap,
@@ -69,7 +69,7 @@ struct Asked<Question, Answer> {
 enum Request {
     Standing(Asked<StandingOf, Standing>),
     Renew(Asked<Vec<Renewal>, Vec<bool>>),
-    Complete(Asked<Delivery, Judged>),
+    Complete(Asked<Delivery, Decision>),
 }
 
 /// The address of the task; it ends with this.
@@ -117,7 +117,7 @@ impl Turns {
         ask(&self.others, renewals.to_vec(), Request::Renew).await
     }
 
-    pub async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
+    pub async fn complete(&self, delivery: Delivery) -> Result<Decision, JobStoreError> {
         ask(&self.others, delivery, Request::Complete).await
     }
 }
@@ -235,7 +235,7 @@ impl Shared {
     }
 
     /// Records what may touch more than its own job.
-    async fn record_alone(&self, delivery: &Delivery) -> Result<Judged, JobStoreError> {
+    async fn record_alone(&self, delivery: &Delivery) -> Result<Decision, JobStoreError> {
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
@@ -296,7 +296,7 @@ struct Counts {
     now: Duration,
     pending: i64,
     /// Jobs that another rendering is or will be wanted of.
-    judged: i64,
+    redundant: i64,
 }
 
 impl Counts {
@@ -307,7 +307,7 @@ impl Counts {
             mode: mode(row.get(0))?,
             now: time(row.get(1)),
             pending: row.get(2),
-            judged: row.get(3),
+            redundant: row.get(3),
         })
     }
 }

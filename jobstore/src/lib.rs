@@ -43,8 +43,8 @@ use crate::ledger::{BlobPlace, LedgerError};
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
-    BarCause, Changes, Completion, Counts, Holder, JobRecord, LostLease, Mode, Refusal, Selection,
-    Standing, Verdict, WorkerChange, WorkerRecord,
+    BlockCause, Changes, Completion, Counts, Holder, JobRecord, LostLease, Mode, Refusal,
+    Selection, Standing, Verdict, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
 use std::time::Duration;
@@ -85,8 +85,8 @@ pub struct Overview {
     pub counts: Counts,
     /// Whether work is handed out.
     pub mode: Mode,
-    /// Workers that are barred now.
-    pub workers_barred: u32,
+    /// Workers that are blocked now.
+    pub workers_blocked: u32,
     /// Nothing is left to do, now or later.
     pub finished: bool,
 }
@@ -103,7 +103,7 @@ pub struct Leased {
     /// The farm is being drained.
     pub draining: bool,
     /// Why this worker gets nothing.
-    pub barred: Option<String>,
+    pub blocked: Option<String>,
 }
 
 /// A lease that its holder wants prolonged.
@@ -130,7 +130,7 @@ pub struct Delivery {
 
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]
-pub struct Judged {
+pub struct Decision {
     /// What it was found to be.
     pub verdict: Verdict,
     /// Who held the lease.
@@ -155,14 +155,14 @@ pub struct Expired {
     pub changes: Changes,
     /// The leases that ran out.
     pub lost: Vec<LostLease>,
-    /// How long it is until the next lease or bar runs out, as far as this process knows.
+    /// How long it is until the next lease or block runs out, as far as this process knows.
     pub next: Option<Duration>,
 }
 
 /// What an operator does to a selection of jobs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JobsOrder {
-    /// Gives jobs that were set aside or cancelled another chance.
+    /// Gives jobs that were quarantined or cancelled another chance.
     Retry,
     /// Takes jobs that are not complete out of the work.
     Cancel,
@@ -228,7 +228,7 @@ pub trait JobStore: Send + Sync {
 
     /// Completes a job, or its second or third rendering. Refuses what would record a staged image
     /// that is not published.
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError>;
+    async fn complete(&self, delivery: Delivery) -> Result<Decision, JobStoreError>;
 
     /// Records a failure that the holder of a lease reports.
     async fn fail(&self, material: u32, token: Token, error: &str)
@@ -240,7 +240,7 @@ pub trait JobStore: Send + Sync {
     /// Takes back every lease, where nobody can be left who holds one.
     async fn release_all(&self) -> Result<Changes, JobStoreError>;
 
-    /// Takes back every lease whose time is over, and lifts bars whose time is.
+    /// Takes back every lease whose time is over, and lifts blocks whose time is.
     async fn expire(&self) -> Result<Expired, JobStoreError>;
 
     /// Does one thing to the jobs of a selection that it can be done to.
@@ -254,15 +254,15 @@ pub trait JobStore: Send + Sync {
     async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError>;
 
     /// Gives workers of this name no more work and takes back what they hold.
-    async fn bar(
+    async fn block(
         &self,
         name: &str,
-        cause: BarCause,
+        cause: BlockCause,
         reason: String,
     ) -> Result<Changes, JobStoreError>;
 
-    /// Lets workers of this name work again, if they are barred.
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError>;
+    /// Lets workers of this name work again, if they are blocked.
+    async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError>;
 
     /// The first `jobs_max` jobs of a selection from a material on.
     async fn jobs(

@@ -5,8 +5,8 @@
 //! it until the change is durable, and only then answers.
 
 use super::{
-    Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder, JobsPage,
-    Judged, Leased, Overview, Renewal, Session, Workers,
+    Decision, Delivery, Expired, Failed, JobStore, JobStoreContext, JobStoreError, JobsOrder,
+    JobsPage, Leased, Overview, Renewal, Session, Workers,
 };
 use crate::{
     commit::{Committer, Transition},
@@ -18,7 +18,7 @@ use crate::{
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
-    BarCause, Changes, Mode, Queue, Selection, Standing, Verdict, WorkerChange,
+    BlockCause, Changes, Mode, Queue, Selection, Standing, Verdict, WorkerChange,
     token::{Token, WorkerId},
 };
 use std::{
@@ -46,11 +46,11 @@ fn lock(queue: &Mutex<Queue>) -> MutexGuard<'_, Queue> {
 
 fn overview(queue: &Queue) -> Overview {
     let records = queue.worker_records();
-    let barred = records.filter(|(_, record)| record.bar.is_some());
+    let blocked = records.filter(|(_, record)| record.block.is_some());
     Overview {
         counts: queue.counts(),
         mode: queue.mode(),
-        workers_barred: barred.count() as u32,
+        workers_blocked: blocked.count() as u32,
         finished: queue.is_finished(),
     }
 }
@@ -197,10 +197,10 @@ impl JobStore for LocalJobStore {
             let changes = queue.claim(worker, tokens, self.now());
             let pending = self.submit(&changes);
             let materials = changes.jobs.iter().map(|change| change.material);
-            let bar = name.as_ref().and_then(|name| queue.bar_of(name));
+            let block = name.as_ref().and_then(|name| queue.block_of(name));
             let leased = Leased {
                 jobs: tokens.iter().copied().zip(materials).collect(),
-                barred: bar.map(|bar| bar.reason.clone()),
+                blocked: block.map(|block| block.reason.clone()),
                 name,
                 ..Leased::default()
             };
@@ -237,7 +237,7 @@ impl JobStore for LocalJobStore {
 
     // Even where nothing changes something is submitted: the first of two equal completions may
     // still be on its way to the disk, and the second has to wait for it.
-    async fn complete(&self, delivery: Delivery) -> Result<Judged, JobStoreError> {
+    async fn complete(&self, delivery: Delivery) -> Result<Decision, JobStoreError> {
         let Delivery {
             token,
             mut completion,
@@ -245,7 +245,7 @@ impl JobStore for LocalJobStore {
         } = delivery;
         let material = completion.material;
         let fingerprint = completion.fingerprint();
-        let (judged, pending) = {
+        let (decision, pending) = {
             let mut queue = self.lock();
             if queue.would_record(material, token, fingerprint)
                 && self.context.staging().awaits_publication(&completion)
@@ -267,15 +267,15 @@ impl JobStore for LocalJobStore {
             }
             self.after(&queue, &changes);
             let pending = self.committer.submit(transition);
-            let judged = Judged {
+            let decision = Decision {
                 verdict,
                 holder,
                 changes,
             };
-            (judged, pending)
+            (decision, pending)
         };
         pending.durable().await?;
-        Ok(judged)
+        Ok(decision)
     }
 
     async fn fail(
@@ -367,19 +367,19 @@ impl JobStore for LocalJobStore {
         self.operate(|queue, _| queue.set_mode(mode)).await
     }
 
-    async fn bar(
+    async fn block(
         &self,
         name: &str,
-        cause: BarCause,
+        cause: BlockCause,
         reason: String,
     ) -> Result<Changes, JobStoreError> {
-        self.operate(|queue, now| queue.bar(name, cause, reason, now))
+        self.operate(|queue, now| queue.block(name, cause, reason, now))
             .await
     }
 
-    async fn unbar(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
+    async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError> {
         let changes = self.operate(|queue, _| Changes {
-            workers: queue.unbar(name).into_iter().collect(),
+            workers: queue.unblock(name).into_iter().collect(),
             ..Changes::default()
         });
         Ok(changes.await?.workers.pop())

@@ -2,7 +2,7 @@
 //!
 //! Architecture invariant: the ledger is derivable. What the log has and the ledger lacks is added
 //! to the ledger, provided the images are there; what the ledger has and the log lacks is appended
-//! to the log; a ledger that will not open is set aside, not deleted, and derived anew.
+//! to the log; a ledger that will not open is moved aside, not deleted, and derived anew.
 
 use crate::{
     completion_log::{CompletionLog, Completions},
@@ -10,7 +10,7 @@ use crate::{
 };
 use dataset::Digest;
 use imagestore::{FileError, blobs::Blobs};
-use jobqueue::{Changes, Check, Completion, JobChange, JobRecord, JobState};
+use jobqueue::{Changes, Completion, JobChange, JobRecord, JobState, RedundantRender};
 use std::{
     collections::BTreeMap,
     fs,
@@ -21,7 +21,7 @@ use std::{
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Recovery {
     /// Where a ledger went that would not open.
-    pub ledger_set_aside: Option<PathBuf>,
+    pub ledger_moved_aside: Option<PathBuf>,
     /// Completions that the ledger lacked and the log had.
     pub completions_recovered: u32,
     /// Materials whose completion is known, but not all of its images are there: they are rendered
@@ -64,9 +64,9 @@ pub fn recover(
     };
     let (ledger, mut kept) = match SledLedger::open(ledger_path) {
         Err(LedgerError::Damaged(reason)) => {
-            let aside = set_aside(ledger_path)?;
-            tracing::warn!(reason, aside = %aside.display(), "the ledger is set aside");
-            recovery.ledger_set_aside = Some(aside);
+            let aside = move_aside(ledger_path)?;
+            tracing::warn!(reason, aside = %aside.display(), "the ledger is moved aside");
+            recovery.ledger_moved_aside = Some(aside);
             SledLedger::open(ledger_path)?
         }
         opened => opened?,
@@ -118,7 +118,7 @@ fn recover_from_log(
             state: JobState::Completed {
                 fingerprint: completion.fingerprint(),
                 worker: completion.worker.clone(),
-                check: Check::None,
+                redundant: RedundantRender::None,
             },
             ..jobs.remove(&material).unwrap_or_default()
         };
@@ -179,14 +179,14 @@ fn has_images(completion: &Completion, blobs: &Blobs) -> Result<bool, FileError>
     Ok(sizes.into_iter().eq(recorded))
 }
 
-fn set_aside(ledger_path: &Path) -> Result<PathBuf, FileError> {
+fn move_aside(ledger_path: &Path) -> Result<PathBuf, FileError> {
     let free = (1..)
         .map(|number| ledger_path.with_extension(format!("broken-{number}")))
         .find(|path| !path.exists());
     let Some(aside) = free else {
         unreachable!("numbers do not run out");
     };
-    fs::rename(ledger_path, &aside).map_err(FileError::new("set aside", ledger_path))?;
+    fs::rename(ledger_path, &aside).map_err(FileError::new("move aside", ledger_path))?;
     Ok(aside)
 }
 

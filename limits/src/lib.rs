@@ -16,32 +16,32 @@ pub const STALL: Duration = Duration::from_secs(3600);
 /// How long a lease is prolonged at all: the longest that one material may take.
 pub const JOB_DEADLINE: Duration = Duration::from_secs(6 * 3600);
 
-/// Different workers on which one material fails before it is set aside.
+/// Different workers on which one material fails before it is quarantined.
 pub const WORKERS_FAILED_MAX: u32 = 3;
 
-/// Failures after which a material is set aside in a farm that has fewer workers than that.
+/// Failures after which a material is quarantined in a farm that has fewer workers than that.
 pub const FAILURES_MAX: u32 = 6;
 
-/// Different materials that a worker fails in a row before it is barred.
+/// Different materials that a worker fails in a row before it is blocked.
 pub const JOBS_FAILED_MAX: u32 = 3;
 
-/// Failures in a row that are kept of a worker. A policy that allows more bars nobody.
+/// Failures in a row that are kept of a worker. A policy that allows more blocks nobody.
 pub const WORKER_FAILURES_KEPT_MAX: usize = 64;
 
-/// How long a worker is barred over failures.
-pub const BAR: Duration = Duration::from_secs(600);
+/// How long a worker is blocked over failures.
+pub const BLOCK: Duration = Duration::from_secs(600);
 
 /// Of a million completed materials, how many are rendered a second time by another worker.
-pub const CHECKS_PER_MILLION: u32 = 10_000;
+pub const REDUNDANT_PER_MILLION: u32 = 10_000;
 
-/// Leases of one material that may run out before it is set aside: a material that takes its
+/// Leases of one material that may run out before it is quarantined: a material that takes its
 /// worker down every time is not handed out for ever.
 pub const LEASES_LOST_MAX: u32 = 10;
 
 /// Workers registered at one time.
 pub const WORKERS_MAX: usize = 10_000;
 
-/// Names of workers whose failures are remembered; bars always are.
+/// Names of workers whose failures are remembered; blocks always are.
 pub const WORKER_RECORDS_MAX: usize = 100_000;
 
 /// How long a worker counts as present after its last call, and is remembered when it holds

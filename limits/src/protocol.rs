@@ -57,7 +57,7 @@ pub const WORKERS_LISTED_MAX: usize = 10_000;
 /// The most ranges of materials in a selection or an answer.
 pub const RANGES_PER_CALL_MAX: usize = 4096;
 
-/// The longest reason of a bar, bytes.
+/// The longest reason of a block, bytes.
 pub const REASON_BYTES_MAX: usize = 512;
 
 /// Priorities are between this with a minus sign and this.
@@ -69,8 +69,8 @@ pub const EVENTS_WAITING_MAX: usize = 1024;
 /// Readers of events at one time.
 pub const EVENT_READERS_MAX: usize = 64;
 
-/// The most materials set aside that one status lists.
-pub const SET_ASIDE_LISTED_MAX: usize = 16;
+/// The most materials quarantined that one status lists.
+pub const QUARANTINED_LISTED_MAX: usize = 16;
 
 /// The deadline of a call, beyond what it asks to wait: uploads of 8 MiB over 2 Mbit/s fit.
 pub const CALL_DEADLINE: Duration = Duration::from_secs(40);

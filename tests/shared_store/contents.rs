@@ -8,8 +8,8 @@ use datastore::{ReadOnlyStore, Store};
 use jobqueue::Completion;
 use jobqueue::token::{Token, WorkerId};
 use jobqueue::{
-    Bar, BarCause, Changes, Check, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
-    WorkerChange, WorkerFailure, WorkerRecord,
+    Block, BlockCause, Changes, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
+    RedundantRender, WorkerChange, WorkerFailure, WorkerRecord,
 };
 use jobstore::completion_log::Completions;
 use jobstore::ledger::{Ledger, SledLedger};
@@ -48,10 +48,10 @@ fn failures(count: u32) -> Vec<Failure> {
 
 /// The record of a job whose state is one of all there are; `leased` where somebody is at it.
 fn record(specification: &Specification, material: u32, leased: bool) -> JobRecord {
-    let completed = |check| JobState::Completed {
+    let completed = |redundant| JobState::Completed {
         fingerprint: completion(specification, material).0.fingerprint(),
         worker: "nobody".to_owned(),
-        check,
+        redundant,
     };
     let dispute = Dispute {
         fingerprint: Digest::of(b"other"),
@@ -60,21 +60,21 @@ fn record(specification: &Specification, material: u32, leased: bool) -> JobReco
     };
     let pending = JobState::Pending;
     let (state, failed, priority, leases_lost) = match material {
-        30 => (completed(Check::None), 2, -3, 1),
-        31 => (completed(Check::Due), 0, 0, 0),
-        32 => (completed(Check::Agreed), 0, 0, 0),
-        33 => (completed(Check::Disputed(dispute)), 0, 0, 0),
-        34 if leased => (completed(Check::Leased(holder())), 0, 0, 0),
-        34 => (completed(Check::Due), 0, 0, 0),
+        30 => (completed(RedundantRender::None), 2, -3, 1),
+        31 => (completed(RedundantRender::Due), 0, 0, 0),
+        32 => (completed(RedundantRender::Agreed), 0, 0, 0),
+        33 => (completed(RedundantRender::Disputed(dispute)), 0, 0, 0),
+        34 if leased => (completed(RedundantRender::Leased(holder())), 0, 0, 0),
+        34 => (completed(RedundantRender::Due), 0, 0, 0),
         35 if leased => (JobState::Leased(holder()), 1, 7, 0),
         35 => (pending, 1, 7, 0),
-        36 => (JobState::SetAside, 3, 0, 0),
+        36 => (JobState::Quarantined, 3, 0, 0),
         37 => (JobState::Cancelled, 0, 0, 0),
         38 => (pending, 0, 5, 2),
         // Without a history, once nobody is at it.
         39 if leased => (JobState::Leased(holder()), 0, 0, 0),
         39 => (pending, 0, 0, 0),
-        _ => (completed(Check::None), 0, 0, 0),
+        _ => (completed(RedundantRender::None), 0, 0, 0),
     };
     JobRecord {
         state,
@@ -85,11 +85,11 @@ fn record(specification: &Specification, material: u32, leased: bool) -> JobReco
 }
 
 fn workers() -> Vec<WorkerChange> {
-    let barred = |name: &str, cause| WorkerChange {
+    let blocked = |name: &str, cause| WorkerChange {
         name: name.to_owned(),
         record: WorkerRecord {
             failures: 4,
-            bar: Some(Bar {
+            block: Some(Block {
                 cause,
                 reason: "why".to_owned(),
             }),
@@ -105,12 +105,12 @@ fn workers() -> Vec<WorkerChange> {
             }],
             failures: 9,
             leases_lost: 3,
-            bar: None,
+            block: None,
         },
     };
     vec![
-        barred("failing", BarCause::Failures),
-        barred("liar", BarCause::Disagreement),
+        blocked("failing", BlockCause::Failures),
+        blocked("liar", BlockCause::Disagreement),
         failing,
     ]
 }

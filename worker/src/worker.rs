@@ -31,7 +31,7 @@ use tracing::{Instrument, info_span};
 /// How a worker works.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What the farm knows it by: failures and bars are counted by name.
+    /// What the farm knows it by: failures and blocks are counted by name.
     pub name: String,
     /// What it shows to the coordinator, and whom it believes.
     pub credentials: Credentials,
@@ -409,19 +409,22 @@ impl Worker {
 
 /// Leases and works off one job after another.
 async fn slot(worker: Arc<Worker>, mut stopping: watch::Receiver<bool>) -> Result<(), Stopped> {
-    let mut barred = String::new();
+    let mut blocked = String::new();
     loop {
         let mut stopped = stopping.clone();
         let leased = tokio::select! {
             leased = worker.lease() => leased?,
             _ = stopped.wait_for(|stopping| *stopping) => return Ok(()),
         };
-        if leased.barred != barred {
-            barred = leased.barred;
-            if barred.is_empty() {
+        if leased.barred != blocked {
+            blocked = leased.barred;
+            if blocked.is_empty() {
                 tracing::info!("the coordinator lets this worker work again");
             } else {
-                tracing::warn!(reason = barred, "the coordinator gives this worker no work");
+                tracing::warn!(
+                    reason = blocked,
+                    "the coordinator gives this worker no work"
+                );
             }
         }
         if leased.draining {

@@ -13,7 +13,7 @@ use imagestore::{
     validation::{self, Rejection},
 };
 use jobqueue::{Completion, Standing, Verdict, token::Token};
-use jobstore::{Delivery, JobStoreError, Judged, PublishError, ledger::BlobPlace};
+use jobstore::{Decision, Delivery, JobStoreError, PublishError, ledger::BlobPlace};
 
 /// What became of a completion.
 #[derive(Debug, PartialEq, Eq)]
@@ -79,9 +79,9 @@ impl Farm {
         let delivery = Delivery {
             token,
             completion,
-            check: draw < u64::from(self.checks_per_million),
+            check: draw < u64::from(self.redundant_per_million),
         };
-        let judged = loop {
+        let decision = loop {
             match self.job_store.complete(delivery.clone()).await {
                 // Sent again while it was about to be recorded.
                 Err(JobStoreError::Unpublished(_)) => {
@@ -89,14 +89,14 @@ impl Farm {
                         return Ok(Outcome::Missing(missing));
                     }
                 }
-                judged => break judged?,
+                decision => break decision?,
             }
         };
         if let Some(settled) = uploads {
             settled.clear();
         }
         if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) =
-            (&judged.verdict, &judged.holder)
+            (&decision.verdict, &decision.holder)
         {
             self.metrics.note_completion(bytes, seconds);
             let mut state = self.shared.lock();
@@ -104,8 +104,8 @@ impl Farm {
             state.images_completed.count(images, self.shared.now());
             state.presence.note_completion(holder.worker);
         }
-        self.tell_judged(material, token, &judged);
-        Ok(match judged.verdict {
+        self.tell_decision(material, token, &decision);
+        Ok(match decision.verdict {
             Verdict::Repeated => Outcome::Repeated,
             _ => Outcome::Recorded,
         })
@@ -165,17 +165,17 @@ impl Farm {
         Ok(missing.map(|((digest, _), _)| digest).collect())
     }
 
-    fn tell_judged(&self, material: u32, token: Token, judged: &Judged) {
-        let (kind, text) = match &judged.verdict {
+    fn tell_decision(&self, material: u32, token: Token, decision: &Decision) {
+        let (kind, text) = match &decision.verdict {
             Verdict::Repeated => return,
             Verdict::Recorded => (EventKind::Completed, String::new()),
-            Verdict::Agreed => (EventKind::CheckAgreed, String::new()),
+            Verdict::Agreed => (EventKind::RedundantAgreed, String::new()),
             Verdict::Disputed => {
                 let text = "its images are not those delivered before: a third worker decides";
                 (EventKind::Disputed, text.to_owned())
             }
             Verdict::Upheld(liar) | Verdict::Overturned(liar) => {
-                let again = judged.changes.retracted.len();
+                let again = decision.changes.retracted.len();
                 let text = format!("{liar} was wrong; {again} of its materials are rendered again");
                 (EventKind::Settled, text)
             }
@@ -185,11 +185,11 @@ impl Farm {
             }
         };
         let mut event = Event::new(kind).material(material).text(text);
-        if let Some(holder) = &judged.holder {
+        if let Some(holder) = &decision.holder {
             event = event.worker(&holder.name).lease(token);
         }
         self.emit(event);
-        self.tell_troubles(&judged.changes);
+        self.tell_troubles(&decision.changes);
     }
 
     fn check_completion(&self, completion: &Completion) -> Result<(), FarmError> {

@@ -31,8 +31,8 @@ pub(crate) enum FarmError {
     NotByUrl,
     #[error("the bucket does not answer: {0}")]
     Bucket(FileError),
-    #[error("no worker called {0:?} is barred")]
-    NotBarred(String),
+    #[error("no worker called {0:?} is blocked")]
+    NotBlocked(String),
     #[error("the store has no image {0}")]
     UnknownBlob(Digest),
     #[error("image {0} is damaged: `brdfarm dataset verify` tells more")]

@@ -12,13 +12,13 @@ pub(crate) enum EventKind {
     Leased,
     LeaseLost,
     Failed,
-    SetAside,
+    Quarantined,
     Completed,
-    CheckAgreed,
+    RedundantAgreed,
     Disputed,
     Settled,
-    Barred,
-    Unbarred,
+    Blocked,
+    Unblocked,
     Retried,
     Cancelled,
     Prioritized,
@@ -48,13 +48,13 @@ impl EventKind {
             Self::Leased => "leased",
             Self::LeaseLost => "lease lost",
             Self::Failed => "failed",
-            Self::SetAside => "set aside",
+            Self::Quarantined => "quarantined",
             Self::Completed => "completed",
-            Self::CheckAgreed => "check agreed",
+            Self::RedundantAgreed => "check agreed",
             Self::Disputed => "disputed",
             Self::Settled => "settled",
-            Self::Barred => "barred",
-            Self::Unbarred => "unbarred",
+            Self::Blocked => "barred",
+            Self::Unblocked => "unbarred",
             Self::Retried => "retried",
             Self::Cancelled => "cancelled",
             Self::Prioritized => "prioritized",
@@ -68,10 +68,10 @@ impl EventKind {
             self,
             Self::LeaseLost
                 | Self::Failed
-                | Self::SetAside
+                | Self::Quarantined
                 | Self::Disputed
                 | Self::Settled
-                | Self::Barred
+                | Self::Blocked
         )
     }
 }

@@ -110,7 +110,7 @@ impl Farm {
         Ok(lost.map(|(renewal, _)| renewal.material).collect())
     }
 
-    /// Records that a holder could not render its material. True when it is set aside now.
+    /// Records that a holder could not render its material. True when it is quarantined now.
     pub async fn fail(
         &self,
         token: Token,
@@ -140,7 +140,7 @@ impl Farm {
         Ok(released)
     }
 
-    /// Takes back leases that ran out, lifts bars that did, forgets workers that are gone, and
+    /// Takes back leases that ran out, lifts blocks that did, forgets workers that are gone, and
     /// drops images that nobody completed. Returns how long it can be before the next call.
     pub async fn sweep(&self) -> Result<Duration, JobStoreError> {
         let now = self.shared.now();
@@ -225,21 +225,21 @@ impl Farm {
         }
     }
 
-    /// Tells of workers that were barred and jobs that were set aside; returns the latter.
+    /// Tells of workers that were blocked and jobs that were quarantined; returns the latter.
     pub(super) fn tell_troubles(&self, changes: &Changes) -> Vec<u32> {
-        let mut set_aside = Vec::new();
+        let mut quarantined = Vec::new();
         for change in &changes.jobs {
-            if change.record.state == JobState::SetAside {
-                set_aside.push(change.material);
-                self.emit(Event::new(EventKind::SetAside).material(change.material));
+            if change.record.state == JobState::Quarantined {
+                quarantined.push(change.material);
+                self.emit(Event::new(EventKind::Quarantined).material(change.material));
             }
         }
         for change in &changes.workers {
-            if let Some(bar) = &change.record.bar {
-                let event = Event::new(EventKind::Barred).worker(&change.name);
-                self.emit(event.text(&bar.reason));
+            if let Some(block) = &change.record.block {
+                let event = Event::new(EventKind::Blocked).worker(&change.name);
+                self.emit(event.text(&block.reason));
             }
         }
-        set_aside
+        quarantined
     }
 }

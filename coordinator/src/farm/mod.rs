@@ -70,7 +70,7 @@ pub(crate) struct Farm {
     context: Arc<JobStoreContext>,
     publisher: Publisher,
     uploads: UploadSlots,
-    checks_per_million: u32,
+    redundant_per_million: u32,
     metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
 }
@@ -140,7 +140,7 @@ impl Farm {
             context,
             publisher,
             uploads: UploadSlots::new(uploads_at_once()),
-            checks_per_million: options.checks_per_million,
+            redundant_per_million: options.redundant_per_million,
             metrics,
             stopping,
         };
@@ -209,9 +209,9 @@ async fn own_job_store(
         Arc::clone(&context),
         Box::new(move || started.elapsed()),
     )?;
-    if options.retry_set_aside {
-        let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
-        job_store.order(JobsOrder::Retry, &set_aside).await?;
+    if options.retry_quarantined {
+        let quarantined = Selection::new(Vec::new(), vec![Stage::Quarantined]);
+        job_store.order(JobsOrder::Retry, &quarantined).await?;
     }
     if !options.keep_leases {
         job_store.release_all().await?;

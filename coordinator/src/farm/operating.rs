@@ -7,9 +7,9 @@ use super::{
 };
 use crate::{presence::is_present, report::Report};
 use dataset::Digest;
-use jobqueue::{BarCause, Mode, Selection, Stage, WorkerRecord};
+use jobqueue::{BlockCause, Mode, Selection, Stage, WorkerRecord};
 use jobstore::{JobsOrder, JobsPage, Workers, ledger::BlobPlace};
-use limits::protocol::{EVENT_READERS_MAX, SET_ASIDE_LISTED_MAX, WORKERS_LISTED_MAX};
+use limits::protocol::{EVENT_READERS_MAX, QUARANTINED_LISTED_MAX, WORKERS_LISTED_MAX};
 use std::{collections::BTreeMap, time::Duration};
 use tokio::{sync::broadcast, task};
 
@@ -32,7 +32,7 @@ impl Farm {
         Report {
             progress,
             mode: state.overview.mode,
-            workers_barred: state.overview.workers_barred,
+            workers_blocked: state.overview.workers_blocked,
             images_per_second: state.images_completed.per_second(now),
             store_bytes: state.bytes_before.saturating_add(progress.bytes_received),
             up: now,
@@ -52,10 +52,10 @@ impl Farm {
         self.metrics.text(&report, free)
     }
 
-    /// Materials set aside, the first few, with their errors.
-    pub async fn set_aside(&self) -> Result<Vec<(u32, Vec<String>)>, FarmError> {
-        let set_aside = Selection::new(Vec::new(), vec![Stage::SetAside]);
-        let page = self.jobs(0, SET_ASIDE_LISTED_MAX, &set_aside).await?;
+    /// Materials quarantined, the first few, with their errors.
+    pub async fn quarantined(&self) -> Result<Vec<(u32, Vec<String>)>, FarmError> {
+        let quarantined = Selection::new(Vec::new(), vec![Stage::Quarantined]);
+        let page = self.jobs(0, QUARANTINED_LISTED_MAX, &quarantined).await?;
         let jobs = page.jobs.into_iter();
         let told = jobs.map(|(material, job, _)| {
             let errors = job.failures.into_iter().map(|failure| failure.error);
@@ -108,17 +108,20 @@ impl Farm {
     }
 
     /// Gives a worker no more work. Returns how many leases were taken back.
-    pub async fn bar(&self, name: &str, reason: String) -> Result<u32, FarmError> {
-        let changes = self.job_store.bar(name, BarCause::Operator, reason).await?;
+    pub async fn block(&self, name: &str, reason: String) -> Result<u32, FarmError> {
+        let changes = self
+            .job_store
+            .block(name, BlockCause::Operator, reason)
+            .await?;
         self.tell_troubles(&changes);
         Ok(changes.jobs.len() as u32)
     }
 
-    pub async fn unbar(&self, name: &str) -> Result<(), FarmError> {
-        if self.job_store.unbar(name).await?.is_none() {
-            return Err(FarmError::NotBarred(name.to_owned()));
+    pub async fn unblock(&self, name: &str) -> Result<(), FarmError> {
+        if self.job_store.unblock(name).await?.is_none() {
+            return Err(FarmError::NotBlocked(name.to_owned()));
         }
-        self.emit(Event::new(EventKind::Unbarred).worker(name));
+        self.emit(Event::new(EventKind::Unblocked).worker(name));
         Ok(())
     }
 

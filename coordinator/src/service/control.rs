@@ -5,7 +5,7 @@ use super::{
     refusal::{invalid, too_many},
 };
 use crate::farm::{Event, Farm, WorkerReport};
-use jobqueue::{Bar, Check, JobRecord, JobState, Mode, Selection, Stage};
+use jobqueue::{Block, JobRecord, JobState, Mode, RedundantRender, Selection, Stage};
 use jobstore::JobsOrder;
 use std::{pin::Pin, sync::Arc};
 use tokio_stream::{
@@ -27,7 +27,7 @@ impl proto::Control for ControlService {
         let report = self.farm.fresh_report().await?;
         let progress = report.progress;
         let counts = progress.counts;
-        let set_aside = self.farm.set_aside().await?.into_iter();
+        let quarantined = self.farm.quarantined().await?.into_iter();
         Ok(Response::new(proto::StatusResponse {
             name: self.farm.specification.name.clone(),
             specification_hash: message_digest(&self.farm.specification_hash),
@@ -37,7 +37,7 @@ impl proto::Control for ControlService {
                 completed: counts.completed,
                 leased: counts.leased,
                 pending: counts.pending,
-                set_aside: counts.set_aside,
+                set_aside: counts.quarantined,
                 images: progress.images,
                 bytes_received: progress.bytes_received,
                 workers: progress.workers,
@@ -45,10 +45,10 @@ impl proto::Control for ControlService {
                 leases_lost: progress.leases_lost,
                 cancelled: counts.cancelled,
                 disputed: counts.disputed,
-                checks: counts.checks,
-                workers_barred: report.workers_barred,
+                checks: counts.redundant,
+                workers_barred: report.workers_blocked,
             }),
-            set_aside: set_aside
+            set_aside: quarantined
                 .map(|(material, errors)| proto::SetAside { material, errors })
                 .collect(),
             mode: message_mode(report.mode).into(),
@@ -178,7 +178,7 @@ impl proto::Control for ControlService {
                 return Err(invalid(field, &reason));
             }
         }
-        let leases_taken_back = self.farm.bar(&message.name, message.reason).await?;
+        let leases_taken_back = self.farm.block(&message.name, message.reason).await?;
         Ok(Response::new(proto::BarWorkerResponse {
             leases_taken_back,
         }))
@@ -188,7 +188,7 @@ impl proto::Control for ControlService {
         &self,
         request: Request<proto::UnbarWorkerRequest>,
     ) -> Answer<proto::UnbarWorkerResponse> {
-        self.farm.unbar(&request.into_inner().name).await?;
+        self.farm.unblock(&request.into_inner().name).await?;
         Ok(Response::new(proto::UnbarWorkerResponse {}))
     }
 }
@@ -265,7 +265,7 @@ fn message_state(stage: Stage) -> proto::JobState {
         Stage::Leased => proto::JobState::Leased,
         Stage::Completed => proto::JobState::Completed,
         Stage::Disputed => proto::JobState::Disputed,
-        Stage::SetAside => proto::JobState::SetAside,
+        Stage::Quarantined => proto::JobState::SetAside,
         Stage::Cancelled => proto::JobState::Cancelled,
     }
 }
@@ -277,7 +277,7 @@ fn stage(state: proto::JobState) -> Option<Stage> {
         proto::JobState::Leased => Stage::Leased,
         proto::JobState::Completed => Stage::Completed,
         proto::JobState::Disputed => Stage::Disputed,
-        proto::JobState::SetAside => Stage::SetAside,
+        proto::JobState::SetAside => Stage::Quarantined,
         proto::JobState::Cancelled => Stage::Cancelled,
     })
 }
@@ -290,16 +290,18 @@ fn job_detail(material: u32, job: JobRecord, views_done: u32) -> proto::JobDetai
     let mut contradicted_by = String::new();
     let mut verdict = proto::Check::None;
     if let JobState::Completed {
-        worker: by, check, ..
+        worker: by,
+        redundant,
+        ..
     } = &job.state
     {
         worker.clone_from(by);
-        verdict = match check {
-            Check::None => proto::Check::None,
-            Check::Due => proto::Check::Due,
-            Check::Leased(_) => proto::Check::UnderWay,
-            Check::Agreed => proto::Check::Agreed,
-            Check::Disputed(dispute) => {
+        verdict = match redundant {
+            RedundantRender::None => proto::Check::None,
+            RedundantRender::Due => proto::Check::Due,
+            RedundantRender::Leased(_) => proto::Check::UnderWay,
+            RedundantRender::Agreed => proto::Check::Agreed,
+            RedundantRender::Disputed(dispute) => {
                 contradicted_by.clone_from(&dispute.worker);
                 proto::Check::None
             }
@@ -341,8 +343,8 @@ fn worker_detail(name: String, report: WorkerReport) -> proto::WorkerDetail {
         failures_in_a_row: failures.collect(),
         barred: report
             .record
-            .bar
-            .map_or_else(String::new, |Bar { reason, .. }| reason),
+            .block
+            .map_or_else(String::new, |Block { reason, .. }| reason),
         silent_ms: silent.as_millis() as u64,
     }
 }

@@ -78,7 +78,7 @@ impl proto::Farm for FarmService {
             jobs: jobs.collect(),
             finished: leased.finished,
             draining: leased.draining,
-            barred: leased.barred.unwrap_or_default(),
+            barred: leased.blocked.unwrap_or_default(),
         }))
     }
 
@@ -221,8 +221,10 @@ impl proto::Farm for FarmService {
         error.truncate(error.floor_char_boundary(limits::protocol::ERROR_BYTES_MAX));
         let span = info_span!("job", material = message.material, lease = %token);
         let failed = self.farm.fail(token, message.material, error);
-        let set_aside = failed.instrument(span).await?;
-        Ok(Response::new(proto::FailResponse { set_aside }))
+        let quarantined = failed.instrument(span).await?;
+        Ok(Response::new(proto::FailResponse {
+            set_aside: quarantined,
+        }))
     }
 
     async fn deregister(

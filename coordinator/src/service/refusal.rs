@@ -59,7 +59,7 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
         FarmError::NotByUrl => (Code::FailedPrecondition, "UPLOAD_BY_CALL"),
         FarmError::Bucket(_) => (Code::Unavailable, "BUCKET_AWAY"),
         FarmError::UnknownWorker(_) => (Code::NotFound, "UNKNOWN_WORKER"),
-        FarmError::NotBarred(_) => (Code::NotFound, "NOT_BARRED"),
+        FarmError::NotBlocked(_) => (Code::NotFound, "NOT_BARRED"),
         FarmError::UnknownBlob(_) => (Code::NotFound, "UNKNOWN_IMAGE"),
         FarmError::DamagedBlob(_) => (Code::DataLoss, "DAMAGED_IMAGE"),
         FarmError::TooManyWorkers(_) => (Code::ResourceExhausted, "TOO_MANY_WORKERS"),

@@ -99,7 +99,7 @@ fn a_ledger_damaged_anywhere_costs_no_completion() {
         let store = ReadOnlyStore::open(folder.path()).unwrap();
         assert_eq!(store.materials_missing(), 0, "round {round}");
         fs::remove_dir_all(&ledger).unwrap();
-        if let Some(aside) = recovery.ledger_set_aside {
+        if let Some(aside) = recovery.ledger_moved_aside {
             fs::remove_dir_all(aside).unwrap();
         }
     }

@@ -9,7 +9,7 @@ const HOT: [(&str, &str); 22] = [
     ("askers", include_str!("../sql/askers.sql")),
     ("counts", include_str!("../sql/counts.sql")),
     ("claimed_before", include_str!("../sql/claimed_before.sql")),
-    ("to_judge", include_str!("../sql/to_judge.sql")),
+    ("redundant", include_str!("../sql/redundant.sql")),
     ("fresh", include_str!("../sql/fresh.sql")),
     ("again", include_str!("../sql/again.sql")),
     ("finished", include_str!("../sql/finished.sql")),

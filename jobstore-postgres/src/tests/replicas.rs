@@ -58,7 +58,7 @@ async fn work(
                 other.complete(delivery)
             );
             for answer in [one, two] {
-                if matches!(answer, Ok(judged) if judged.verdict == Verdict::Recorded) {
+                if matches!(answer, Ok(decision) if decision.verdict == Verdict::Recorded) {
                     *recorded.lock().unwrap().entry(material).or_default() += 1;
                 }
             }

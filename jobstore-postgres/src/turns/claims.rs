@@ -45,9 +45,9 @@ pub(super) struct Asker {
 }
 
 impl Asker {
-    fn bar(&self) -> Option<String> {
-        let bar = self.record.as_ref()?.bar.as_ref()?;
-        Some(bar.reason.clone())
+    fn block(&self) -> Option<String> {
+        let block = self.record.as_ref()?.block.as_ref()?;
+        Some(block.reason.clone())
     }
 }
 
@@ -103,7 +103,7 @@ impl Claims<'_> {
                 jobs,
                 name: Some(asker.name.clone()),
                 draining: self.counts.mode == Mode::Draining,
-                barred: asker.bar(),
+                blocked: asker.block(),
                 ..Leased::default()
             }));
         }
@@ -125,7 +125,7 @@ impl Claims<'_> {
         for leased in leased.iter_mut().flatten() {
             leased.finished = finished;
             if finished || leased.draining {
-                leased.barred = None;
+                leased.blocked = None;
             }
         }
         Ok(())
@@ -204,7 +204,7 @@ impl Claims<'_> {
         let mut count = 0;
         for claim in claims {
             let asker = match askers.get(&claim.worker) {
-                Some(Ok(asker)) if asker.bar().is_none() => asker,
+                Some(Ok(asker)) if asker.block().is_none() => asker,
                 _ => {
                     wanted.push(Vec::new());
                     continue;
@@ -255,7 +255,10 @@ impl Claims<'_> {
     ) -> Result<bool, Fault> {
         let mut lacking = count as i64;
         for (statement, some) in [
-            (include_str!("../sql/to_judge.sql"), self.counts.judged > 0),
+            (
+                include_str!("../sql/redundant.sql"),
+                self.counts.redundant > 0,
+            ),
             (include_str!("../sql/fresh.sql"), self.counts.pending > 0),
             (include_str!("../sql/again.sql"), self.counts.pending > 0),
         ] {

@@ -2,8 +2,8 @@
 
 use crate::{connecting::query, fault::Fault, locked_jobs::LockedJobs};
 use deadpool_postgres::Transaction;
-use jobqueue::{Changes, Check, Completion, JobRecord, JobState, Verdict};
-use jobstore::{Delivery, JobStoreContext, JobStoreError, Judged};
+use jobqueue::{Changes, Completion, JobRecord, JobState, RedundantRender, Verdict};
+use jobstore::{Decision, Delivery, JobStoreContext, JobStoreError};
 use std::collections::BTreeSet;
 use tokio_postgres::Row;
 
@@ -17,7 +17,7 @@ pub(super) struct Completing {
 #[derive(Default)]
 pub(super) struct Completed {
     /// None where it has to be done alone.
-    pub answers: Vec<Option<Result<Judged, JobStoreError>>>,
+    pub answers: Vec<Option<Result<Decision, JobStoreError>>>,
     pub changes: Changes,
     /// Those whose images are their job's now.
     pub recorded: Vec<Completion>,
@@ -81,7 +81,7 @@ fn complete_one(
     delivery: &Delivery,
     context: &JobStoreContext,
     completed: &mut Completed,
-) -> Result<Judged, JobStoreError> {
+) -> Result<Decision, JobStoreError> {
     let Delivery {
         token,
         completion,
@@ -105,7 +105,7 @@ fn complete_one(
             ..completion.clone()
         });
     }
-    Ok(Judged {
+    Ok(Decision {
         verdict,
         holder,
         changes,
@@ -129,7 +129,7 @@ fn needs_exclusive(job: &JobRecord, failing: &BTreeSet<&str>) -> bool {
     let holder = job.state.holder();
     let third = matches!(
         &job.state,
-        JobState::Completed { check: Check::Disputed(dispute), .. } if dispute.holder.is_some()
+        JobState::Completed { redundant: RedundantRender::Disputed(dispute), .. } if dispute.holder.is_some()
     );
     third || holder.is_some_and(|holder| failing.contains(holder.name.as_str()))
 }
@@ -147,7 +147,7 @@ async fn widen(
     let mut suspects: BTreeSet<String> = BTreeSet::new();
     if let JobState::Completed {
         worker,
-        check: Check::Disputed(dispute),
+        redundant: RedundantRender::Disputed(dispute),
         ..
     } = &job.state
     {

@@ -2,7 +2,7 @@
 
 use super::{Asked, Claim, Request, StandingOf};
 use jobqueue::Standing;
-use jobstore::{Delivery, JobStoreError, Judged, Leased, Renewal};
+use jobstore::{Decision, Delivery, JobStoreError, Leased, Renewal};
 use std::{collections::BTreeSet, time::Duration};
 use tokio::{
     sync::{Notify, mpsc::UnboundedReceiver},
@@ -96,7 +96,7 @@ pub(super) struct Batch {
     standings: Vec<Asked<StandingOf, Standing>>,
     claims: Vec<Asked<Claim, Leased>>,
     renewals: Vec<Asked<Vec<Renewal>, Vec<bool>>>,
-    completions: Vec<Asked<Delivery, Judged>>,
+    completions: Vec<Asked<Delivery, Decision>>,
 }
 
 /// The same, without those who wait.
@@ -113,7 +113,7 @@ pub(super) struct Answers {
     pub claims: Vec<Result<Leased, JobStoreError>>,
     pub renewals: Vec<Vec<bool>>,
     /// None where it has to be recorded alone.
-    pub completions: Vec<Option<Result<Judged, JobStoreError>>>,
+    pub completions: Vec<Option<Result<Decision, JobStoreError>>>,
 }
 
 impl Answers {
@@ -167,7 +167,7 @@ impl Batch {
     }
 
     /// Answers everybody; returns the completions that have to be recorded alone.
-    pub fn tell(self, answers: Answers) -> Vec<Asked<Delivery, Judged>> {
+    pub fn tell(self, answers: Answers) -> Vec<Asked<Delivery, Decision>> {
         tell(self.standings, answers.standings);
         tell(self.claims, answers.claims);
         tell(

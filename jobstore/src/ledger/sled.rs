@@ -273,7 +273,7 @@ impl BlobPlace {
 mod tests {
     use super::*;
     use jobqueue::{
-        Bar, BarCause, Check, Failure, Holder, JobState,
+        Block, BlockCause, Failure, Holder, JobState, RedundantRender,
         token::{Token, WorkerId},
     };
     use std::fs;
@@ -313,17 +313,17 @@ mod tests {
                 state: JobState::Completed {
                     fingerprint: completion(3).fingerprint(),
                     worker: "w".to_owned(),
-                    check: Check::Due,
+                    redundant: RedundantRender::Due,
                 },
                 ..JobRecord::default()
             },
         };
-        let barred = WorkerChange {
+        let blocked = WorkerChange {
             name: "v".to_owned(),
             record: WorkerRecord {
                 failures: 3,
-                bar: Some(Bar {
-                    cause: BarCause::Operator,
+                block: Some(Block {
+                    cause: BlockCause::Operator,
                     reason: "dust".to_owned(),
                 }),
                 ..WorkerRecord::default()
@@ -335,7 +335,7 @@ mod tests {
         };
         let changes = Changes {
             jobs: vec![leased.clone(), completed.clone()],
-            workers: vec![barred.clone(), cleared],
+            workers: vec![blocked.clone(), cleared],
             mode: Some(Mode::Draining),
             retracted: Vec::new(),
         };
@@ -346,7 +346,7 @@ mod tests {
         let (ledger, contents) = SledLedger::open(&path).unwrap();
         let expected = Changes {
             jobs: vec![completed, leased],
-            workers: vec![barred],
+            workers: vec![blocked],
             ..changes
         };
         assert_eq!(contents, expected);

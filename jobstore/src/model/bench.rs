@@ -8,7 +8,7 @@ use super::{
 };
 use crate::{Delivery, JobStore, JobStoreError, JobsOrder, Leased, Overview, Renewal};
 use jobqueue::{
-    BarCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, token::Token,
+    BlockCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, token::Token,
 };
 use std::{
     collections::BTreeSet,
@@ -90,12 +90,12 @@ impl Bench {
     pub fn able(&self) -> Vec<u8> {
         let able = |worker: &u8| {
             let worker = &self.workers[*worker as usize];
-            worker.present && worker.bar.is_none()
+            worker.present && worker.block.is_none()
         };
         (0..WORKERS).filter(able).collect()
     }
 
-    pub fn may_judge(&self, worker: u8, job: &ModelJob) -> bool {
+    pub fn may_rerender(&self, worker: u8, job: &ModelJob) -> bool {
         job.wants_opinion()
             && job.opinions.iter().all(|(_, by)| *by != worker)
             && !job.failed_on.contains(&worker)
@@ -146,9 +146,9 @@ impl Bench {
             }
             Operation::Wait { seconds } => self.wait(Duration::from_secs(seconds)).await,
             Operation::Restart => self.restart().await,
-            Operation::RetrySetAside => {
-                let expected = self.those(|job| job.set_aside);
-                let selection = Selection::new(Vec::new(), vec![Stage::SetAside]);
+            Operation::RetryQuarantined => {
+                let expected = self.those(|job| job.quarantined);
+                let selection = Selection::new(Vec::new(), vec![Stage::Quarantined]);
                 let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
                 self.retried(&changes.unwrap(), expected);
             }
@@ -156,7 +156,7 @@ impl Bench {
                 let Some(selection) = chosen(&materials) else {
                     return;
                 };
-                let mut expected = self.those(|job| job.set_aside || job.cancelled);
+                let mut expected = self.those(|job| job.quarantined || job.cancelled);
                 expected.retain(|material| materials.contains(material));
                 let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
                 self.retried(&changes.unwrap(), expected);
@@ -172,7 +172,7 @@ impl Bench {
                 for material in expected {
                     let job = self.job(material);
                     job.lease = None;
-                    job.set_aside = false;
+                    job.quarantined = false;
                     job.cancelled = true;
                 }
             }
@@ -197,17 +197,17 @@ impl Bench {
                 assert_eq!(changes.mode.is_some(), mode != self.mode);
                 self.mode = mode;
             }
-            Operation::Bar { worker } => {
+            Operation::Block { worker } => {
                 let reason = "dust".to_owned();
-                let cause = BarCause::Operator;
-                let changes = self.job_store().bar(&name(worker), cause, reason).await;
-                assert_eq!(materials(&changes.unwrap()), self.bar(worker, cause));
+                let cause = BlockCause::Operator;
+                let changes = self.job_store().block(&name(worker), cause, reason).await;
+                assert_eq!(materials(&changes.unwrap()), self.block(worker, cause));
             }
-            Operation::Unbar { worker } => {
-                let change = self.job_store().unbar(&name(worker)).await.unwrap();
+            Operation::Unblock { worker } => {
+                let change = self.job_store().unblock(&name(worker)).await.unwrap();
                 let model = &mut self.workers[worker as usize];
-                assert_eq!(change.is_some(), model.bar.is_some());
-                if model.bar.take().is_some() {
+                assert_eq!(change.is_some(), model.block.is_some());
+                if model.block.take().is_some() {
                     model.failed_in_a_row.clear();
                 }
             }
@@ -244,11 +244,11 @@ impl Bench {
         let idle = self.is_finished() || self.mode == Mode::Draining;
         let mut expected = Vec::new();
         if self.able().contains(&worker) && self.mode == Mode::Running && !idle {
-            let judge = |job: &&ModelJob| self.may_judge(worker, job);
-            let disputed = |job: &ModelJob| judge(&job) && job.is_disputed();
-            let checks = |job: &ModelJob| judge(&job) && !job.is_disputed();
+            let may = |job: &&ModelJob| self.may_rerender(worker, job);
+            let disputed = |job: &ModelJob| may(&job) && job.is_disputed();
+            let redundant = |job: &ModelJob| may(&job) && !job.is_disputed();
             expected.extend(self.those(disputed));
-            expected.extend(self.those(checks));
+            expected.extend(self.those(redundant));
             let mut fresh: Vec<u32> = self.those(ModelJob::is_pending).into_iter().collect();
             fresh.sort_by_key(|material| -self.jobs[*material as usize].priority);
             let failed = |material: &u32| self.jobs[*material as usize].failed_on.contains(&worker);
@@ -269,9 +269,9 @@ impl Bench {
             .collect();
         let leased = self.job_store().claim(id(worker), &tokens).await.unwrap();
         let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
-        let barred = self.workers[worker as usize].bar.is_some();
+        let blocked = self.workers[worker as usize].block.is_some();
         let present = self.workers[worker as usize].present;
-        assert_eq!(leased.barred.is_some(), barred && present && !idle);
+        assert_eq!(leased.blocked.is_some(), blocked && present && !idle);
         assert_eq!(
             leased,
             Leased {
@@ -279,7 +279,7 @@ impl Bench {
                 name: present.then(|| name(worker)),
                 finished: self.is_finished(),
                 draining: self.mode == Mode::Draining,
-                barred: leased.barred.clone(),
+                blocked: leased.blocked.clone(),
             }
         );
         for (token, material) in expected {
@@ -337,7 +337,7 @@ impl Bench {
             check,
         };
         let answer = refused(self.job_store().complete(delivery).await);
-        let answer = answer.map(|judged| (judged.verdict, judged.changes));
+        let answer = answer.map(|decision| (decision.verdict, decision.changes));
         let current = self.current(material, token);
         let Some(job) = self.jobs.get_mut(material as usize) else {
             assert_eq!(answer, Err(Refusal::UnknownMaterial(material)));
@@ -359,7 +359,7 @@ impl Bench {
         let mut touched = BTreeSet::from([material]);
         let expected = match opinions[..] {
             [_] => {
-                job.check_wanted = check;
+                job.redundant_wanted = check;
                 job.opinions = opinions;
                 Verdict::Recorded
             }
@@ -378,12 +378,12 @@ impl Bench {
                     (c, a, Verdict::Overturned(name(a)))
                 };
                 job.opinions = vec![(third, honest), (third, WORKERS)];
-                touched.extend(self.bar(liar, BarCause::Disagreement));
+                touched.extend(self.block(liar, BlockCause::Disagreement));
                 verdict
             }
             _ => {
                 job.opinions.clear();
-                job.set_aside = true;
+                job.quarantined = true;
                 job.failed_on.push(worker);
                 Verdict::Undecided
             }
@@ -397,10 +397,10 @@ impl Bench {
         }
     }
 
-    /// Bars a worker in the model; returns which jobs that changes.
-    fn bar(&mut self, worker: u8, cause: BarCause) -> BTreeSet<u32> {
-        let ends = (cause == BarCause::Failures).then_some(self.now + POLICY.bar);
-        self.workers[worker as usize].bar = Some((cause, ends));
+    /// Blocks a worker in the model; returns which jobs that changes.
+    fn block(&mut self, worker: u8, cause: BlockCause) -> BTreeSet<u32> {
+        let ends = (cause == BlockCause::Failures).then_some(self.now + POLICY.block);
+        self.workers[worker as usize].block = Some((cause, ends));
         let mut touched = BTreeSet::new();
         for (material, job) in (0..).zip(&mut self.jobs) {
             if job
@@ -411,7 +411,7 @@ impl Bench {
                 job.lease = None;
                 touched.insert(material);
             }
-            if cause != BarCause::Disagreement {
+            if cause != BlockCause::Disagreement {
                 continue;
             }
             let agreed = job.opinions.len() == 2 && !job.is_disputed();
@@ -422,7 +422,7 @@ impl Bench {
                 touched.insert(material);
             } else if job.is_disputed() && job.opinions[1].1 == worker {
                 job.opinions.pop();
-                job.check_wanted = true;
+                job.redundant_wanted = true;
                 job.lease = None;
                 touched.insert(material);
             }
@@ -436,9 +436,9 @@ impl Bench {
         if job.hopeless() {
             if job.is_disputed() || job.opinions.is_empty() {
                 job.opinions.clear();
-                job.set_aside = true;
+                job.quarantined = true;
             } else {
-                job.check_wanted = false;
+                job.redundant_wanted = false;
             }
         }
     }
@@ -463,8 +463,8 @@ impl Bench {
         worker.failed_in_a_row.retain(|failed| *failed != material);
         worker.failed_in_a_row.push(material);
         let too_many = worker.failed_in_a_row.len() as u32 >= POLICY.jobs_failed_max;
-        if too_many && worker.bar.is_none() {
-            touched.extend(self.bar(lease.worker, BarCause::Failures));
+        if too_many && worker.block.is_none() {
+            touched.extend(self.block(lease.worker, BlockCause::Failures));
         }
         let failed = answer.unwrap();
         assert_eq!(failed.worker, name(lease.worker));
@@ -491,16 +491,16 @@ impl Bench {
             self.back_to_the_queue(material);
         }
         for worker in &mut self.workers {
-            if matches!(worker.bar, Some((_, Some(ends))) if ends <= now) {
-                worker.bar = None;
+            if matches!(worker.block, Some((_, Some(ends))) if ends <= now) {
+                worker.block = None;
                 worker.failed_in_a_row.clear();
             }
         }
         if self.place.knows_next_expiry() {
             let leases = self.jobs.iter();
             let leases = leases.filter_map(|job| Some(job.lease.as_ref()?.expires));
-            let bars = self.workers.iter().filter_map(|worker| worker.bar?.1);
-            let next = leases.chain(bars).min();
+            let blocks = self.workers.iter().filter_map(|worker| worker.block?.1);
+            let next = leases.chain(blocks).min();
             assert_eq!(expired.next, next.map(|next| next - now));
         }
     }
@@ -522,8 +522,8 @@ impl Bench {
         }
         for worker in &mut self.workers {
             worker.present = false;
-            if let Some((_, Some(ends))) = &mut worker.bar {
-                *ends = now + POLICY.bar;
+            if let Some((_, Some(ends))) = &mut worker.block {
+                *ends = now + POLICY.block;
             }
         }
     }

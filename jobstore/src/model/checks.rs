@@ -13,8 +13,8 @@ impl Bench {
     pub fn is_finished(&self) -> bool {
         let left = |job: &ModelJob| job.is_pending() || job.lease.is_some() || job.is_disputed();
         let able = self.able();
-        let judged = |job: &ModelJob| able.iter().any(|worker| self.may_judge(*worker, job));
-        !self.jobs.iter().any(|job| left(job) || judged(job))
+        let decision = |job: &ModelJob| able.iter().any(|worker| self.may_rerender(*worker, job));
+        !self.jobs.iter().any(|job| left(job) || decision(job))
     }
 
     pub async fn check(&self) {
@@ -25,13 +25,13 @@ impl Bench {
             leased: count(|job| job.lease.is_some() && job.opinions.is_empty()) as u32,
             completed: count(ModelJob::is_completed) as u32,
             disputed: count(ModelJob::is_disputed) as u32,
-            set_aside: count(|job| job.set_aside) as u32,
+            quarantined: count(|job| job.quarantined) as u32,
             cancelled: count(|job| job.cancelled) as u32,
-            checks: count(|job| {
-                job.opinions.len() == 1 && (job.check_wanted || job.lease.is_some())
+            redundant: count(|job| {
+                job.opinions.len() == 1 && (job.redundant_wanted || job.lease.is_some())
             }) as u32,
         };
-        let settled = expected.completed + expected.set_aside + expected.cancelled;
+        let settled = expected.completed + expected.quarantined + expected.cancelled;
         let left = expected.pending + expected.leased + expected.disputed;
         assert_eq!(
             expected.materials,
@@ -39,11 +39,11 @@ impl Bench {
             "every job is in exactly one state"
         );
         self.job_store().publish_overview().await.unwrap();
-        let barred = self.workers.iter().filter(|worker| worker.bar.is_some());
+        let blocked = self.workers.iter().filter(|worker| worker.block.is_some());
         let expected = Overview {
             counts: expected,
             mode: self.mode,
-            workers_barred: barred.count() as u32,
+            workers_blocked: blocked.count() as u32,
             finished: self.is_finished(),
         };
         assert_eq!(*self.overview.lock().unwrap(), expected);
@@ -102,8 +102,8 @@ impl Bench {
             assert_eq!(failed, model.failed_in_a_row);
             assert_eq!(worker.failures, model.failures);
             assert_eq!(worker.leases_lost, model.leases_lost);
-            let cause = worker.bar.as_ref().map(|bar| bar.cause);
-            assert_eq!(cause, model.bar.map(|(cause, _)| cause));
+            let cause = worker.block.as_ref().map(|block| block.cause);
+            assert_eq!(cause, model.block.map(|(cause, _)| cause));
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{POLICY, id, name};
 use dataset::Digest;
-use jobqueue::{BarCause, Check, Dispute, Holder, JobState, token::Token};
+use jobqueue::{BlockCause, Dispute, Holder, JobState, RedundantRender, token::Token};
 use std::{collections::BTreeSet, time::Duration};
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -11,8 +11,8 @@ pub(super) struct ModelJob {
     pub lease: Option<ModelLease>,
     // Who says what the job's images are, first, second and third.
     pub opinions: Vec<(Digest, u8)>,
-    pub check_wanted: bool,
-    pub set_aside: bool,
+    pub redundant_wanted: bool,
+    pub quarantined: bool,
     pub cancelled: bool,
     pub priority: i32,
     pub failed_on: Vec<u8>,
@@ -36,12 +36,12 @@ pub(super) struct ModelWorker {
     pub failures: u64,
     pub leases_lost: u64,
     // When it ends, where it ends.
-    pub bar: Option<(BarCause, Option<Duration>)>,
+    pub block: Option<(BlockCause, Option<Duration>)>,
 }
 
 impl ModelJob {
     pub fn is_pending(&self) -> bool {
-        self.lease.is_none() && self.opinions.is_empty() && !self.set_aside && !self.cancelled
+        self.lease.is_none() && self.opinions.is_empty() && !self.quarantined && !self.cancelled
     }
 
     pub fn is_disputed(&self) -> bool {
@@ -54,7 +54,7 @@ impl ModelJob {
 
     pub fn wants_opinion(&self) -> bool {
         self.lease.is_none()
-            && (self.is_disputed() || self.opinions.len() == 1 && self.check_wanted)
+            && (self.is_disputed() || self.opinions.len() == 1 && self.redundant_wanted)
     }
 
     pub fn hopeless(&self) -> bool {
@@ -73,23 +73,25 @@ pub(super) fn state(model: &ModelJob) -> JobState {
         name: name(lease.worker),
     });
     match (&model.opinions[..], holder) {
-        ([], _) if model.set_aside => JobState::SetAside,
+        ([], _) if model.quarantined => JobState::Quarantined,
         ([], _) if model.cancelled => JobState::Cancelled,
         ([], None) => JobState::Pending,
         ([], Some(holder)) => JobState::Leased(holder),
         ([(fingerprint, by), rest @ ..], holder) => JobState::Completed {
             fingerprint: *fingerprint,
             worker: name(*by),
-            check: match (rest, holder) {
-                ([], Some(holder)) => Check::Leased(holder),
-                ([], None) if model.check_wanted => Check::Due,
-                ([], None) => Check::None,
-                ([(other, by), ..], holder) if other != fingerprint => Check::Disputed(Dispute {
-                    fingerprint: *other,
-                    worker: name(*by),
-                    holder,
-                }),
-                _ => Check::Agreed,
+            redundant: match (rest, holder) {
+                ([], Some(holder)) => RedundantRender::Leased(holder),
+                ([], None) if model.redundant_wanted => RedundantRender::Due,
+                ([], None) => RedundantRender::None,
+                ([(other, by), ..], holder) if other != fingerprint => {
+                    RedundantRender::Disputed(Dispute {
+                        fingerprint: *other,
+                        worker: name(*by),
+                        holder,
+                    })
+                }
+                _ => RedundantRender::Agreed,
             },
         },
     }

@@ -34,7 +34,7 @@ pub const POLICY: Policy = Policy {
     leases_lost_max: 4,
     leases_per_worker_max: 5,
     jobs_failed_max: 3,
-    bar: Duration::from_secs(40),
+    block: Duration::from_secs(40),
 };
 /// Where job stores are opened, each over what the one before kept.
 #[async_trait::async_trait]

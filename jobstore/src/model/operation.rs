@@ -45,7 +45,7 @@ pub enum Operation {
         seconds: u64,
     },
     Restart,
-    RetrySetAside,
+    RetryQuarantined,
     Retry {
         materials: Vec<u32>,
     },
@@ -59,10 +59,10 @@ pub enum Operation {
     SetMode {
         mode: Mode,
     },
-    Bar {
+    Block {
         worker: u8,
     },
-    Unbar {
+    Unblock {
         worker: u8,
     },
 }
@@ -90,13 +90,13 @@ pub fn operation() -> impl Strategy<Value = Operation> {
         1 => Just(Operation::ReleaseAll),
         4 => (0..8u64).prop_map(|seconds| Operation::Wait { seconds }),
         1 => Just(Operation::Restart),
-        1 => Just(Operation::RetrySetAside),
+        1 => Just(Operation::RetryQuarantined),
         1 => materials().prop_map(|materials| Operation::Retry { materials }),
         1 => materials().prop_map(|materials| Operation::Cancel { materials }),
         1 => (materials(), -2..3i32)
             .prop_map(|(materials, priority)| Operation::Prioritize { materials, priority }),
         1 => mode.prop_map(|mode| Operation::SetMode { mode }),
-        1 => (0..WORKERS).prop_map(|worker| Operation::Bar { worker }),
-        2 => (0..WORKERS).prop_map(|worker| Operation::Unbar { worker }),
+        1 => (0..WORKERS).prop_map(|worker| Operation::Block { worker }),
+        2 => (0..WORKERS).prop_map(|worker| Operation::Unblock { worker }),
     ]
 }

@@ -31,7 +31,7 @@ pub struct Bench {
     folder: tempfile::TempDir,
     pub specification: Specification,
     pub policy: Policy,
-    pub checks_per_million: u32,
+    pub redundant_per_million: u32,
     pub rendered: Arc<AtomicU64>,
 }
 
@@ -109,7 +109,7 @@ impl Bench {
             folder: tempfile::tempdir().unwrap(),
             specification: small_specification(materials),
             policy: Policy::default(),
-            checks_per_million: 0,
+            redundant_per_million: 0,
             rendered: Arc::default(),
         }
     }
@@ -132,7 +132,7 @@ impl Bench {
         let options = Options {
             listen,
             policy: self.policy,
-            checks_per_million: self.checks_per_million,
+            redundant_per_million: self.redundant_per_million,
             ..Options::default()
         };
         Coordinator::start(store, options).await.unwrap()

@@ -91,15 +91,15 @@ async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried
     let worker = bench.worker(&coordinator.url(), fails_on_one);
     let progress = coordinator.wait_until_finished().await.unwrap();
     assert_eq!(
-        (progress.counts.completed, progress.counts.set_aside),
+        (progress.counts.completed, progress.counts.quarantined),
         (3, 2)
     );
     assert_eq!(progress.failures, 6);
     assert_eq!(worker.summary().await.failures, 6);
-    let set_aside = coordinator.set_aside().await.unwrap();
+    let quarantined = coordinator.quarantined().await.unwrap();
     let bulb = vec!["view 1: the bulb is broken".to_owned(); 3];
     let panicked = vec!["view 2: the renderer panicked".to_owned(); 3];
-    assert_eq!(set_aside, [(2, bulb), (3, panicked)]);
+    assert_eq!(quarantined, [(2, bulb), (3, panicked)]);
     coordinator.shutdown().await;
     let store = ReadOnlyStore::open(bench.path()).unwrap();
     assert_eq!(store.materials_missing(), 2);

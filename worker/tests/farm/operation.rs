@@ -69,19 +69,19 @@ async fn a_worker_that_fails_everything_is_barred_and_the_others_finish() {
         .await
         .unwrap()
         .unwrap();
-    let barred = workers(&mut control).await;
-    assert_eq!(barred[0].name, "broken");
+    let blocked = workers(&mut control).await;
+    assert_eq!(blocked[0].name, "broken");
     assert!(
-        barred[0].barred.contains("3 different materials"),
-        "{barred:?}"
+        blocked[0].barred.contains("3 different materials"),
+        "{blocked:?}"
     );
-    assert_eq!(barred[0].failures_in_a_row.len(), 3);
-    assert_eq!(barred[0].failures_in_a_row[0].error, "view 0: no light");
+    assert_eq!(blocked[0].failures_in_a_row.len(), 3);
+    assert_eq!(blocked[0].failures_in_a_row[0].error, "view 0: no light");
 
     let sound = named(&bench, "sound", &coordinator, cheap);
     let finished = coordinator.wait_until_finished().await.unwrap();
     assert_eq!(
-        (finished.counts.completed, finished.counts.set_aside),
+        (finished.counts.completed, finished.counts.quarantined),
         (12, 0)
     );
     assert_eq!(finished.failures, 3);
@@ -91,14 +91,14 @@ async fn a_worker_that_fails_everything_is_barred_and_the_others_finish() {
     assert_eq!(failed.failures.len(), 1, "its errors are kept");
     assert_eq!(failed.failures[0].worker, "broken");
 
-    let unbar = || {
+    let unblock = || {
         with_deadline(proto::UnbarWorkerRequest {
             name: "broken".to_owned(),
         })
     };
-    control.unbar_worker(unbar()).await.unwrap();
+    control.unbar_worker(unblock()).await.unwrap();
     assert_eq!(
-        control.unbar_worker(unbar()).await.unwrap_err().code(),
+        control.unbar_worker(unblock()).await.unwrap_err().code(),
         Code::NotFound
     );
     coordinator.shutdown().await;
@@ -120,7 +120,7 @@ async fn a_job_is_set_aside_after_failing_on_three_workers_and_retried_on_reques
     let working = names.map(|name| named(&bench, name, &coordinator, cursed));
     let finished = coordinator.wait_until_finished().await.unwrap();
     assert_eq!(
-        (finished.counts.completed, finished.counts.set_aside),
+        (finished.counts.completed, finished.counts.quarantined),
         (3, 1)
     );
     for worker in working {
@@ -320,11 +320,11 @@ impl Render for Liar {
     }
 }
 
-/// Must show 8: the liar is barred, and the set is what an undisturbed run's is.
+/// Must show 8: the liar is blocked, and the set is what an undisturbed run's is.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_worker_that_lies_is_found_out_and_its_work_rendered_again() {
     let mut bench = Bench::new(60);
-    bench.checks_per_million = 200_000;
+    bench.redundant_per_million = 200_000;
     let coordinator = bench.coordinator().await;
     let mut control = bench.control(&coordinator.url());
     let lie = |specification: &Specification| Liar(specification.clone());
@@ -340,7 +340,7 @@ async fn a_worker_that_lies_is_found_out_and_its_work_rendered_again() {
     let finished = timeout(Duration::from_secs(60), coordinator.wait_until_finished());
     let finished = finished.await.unwrap().unwrap();
     assert_eq!(finished.counts.completed, 60);
-    assert_eq!(finished.counts.disputed + finished.counts.checks, 0);
+    assert_eq!(finished.counts.disputed + finished.counts.redundant, 0);
     for worker in honest {
         worker.summary().await;
     }

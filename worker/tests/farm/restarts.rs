@@ -106,7 +106,7 @@ async fn restarts_in_the_middle_change_nothing() {
     let coordinator = running.unwrap();
     let progress = coordinator.wait_until_finished().await.unwrap();
     assert_eq!(
-        (progress.counts.completed, progress.counts.set_aside),
+        (progress.counts.completed, progress.counts.quarantined),
         (30, 0)
     );
     for worker in workers {

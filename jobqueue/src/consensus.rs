@@ -1,6 +1,6 @@
 //! Completions: whether one counts, and what a second or a third one says of the first.
 
-use super::{BarCause, Changes, Check, Dispute, Failure, JobState, Queue};
+use super::{BlockCause, Changes, Dispute, Failure, JobState, Queue, RedundantRender};
 use crate::token::Token;
 use dataset::Digest;
 use std::time::Duration;
@@ -46,12 +46,12 @@ pub enum Verdict {
     Agreed,
     /// A second worker rendered something else.
     Disputed,
-    /// A third worker rendered what the first did: the second, named here, is barred.
+    /// A third worker rendered what the first did: the second, named here, is blocked.
     Upheld(String),
     /// A third worker rendered what the second did: its images are the job's now, and the first,
-    /// named here, is barred.
+    /// named here, is blocked.
     Overturned(String),
-    /// Three workers rendered three different things: the job is set aside.
+    /// Three workers rendered three different things: the job is quarantined.
     Undecided,
 }
 
@@ -71,14 +71,14 @@ impl Queue {
         }
         let JobState::Completed {
             fingerprint: kept,
-            check,
+            redundant,
             ..
         } = state
         else {
             return Err(Refusal::LeaseLost(material));
         };
-        let contradicted = match check {
-            Check::Disputed(dispute) => Some(dispute.fingerprint),
+        let contradicted = match redundant {
+            RedundantRender::Disputed(dispute) => Some(dispute.fingerprint),
             _ => None,
         };
         if fingerprint == *kept || Some(fingerprint) == contradicted {
@@ -94,8 +94,8 @@ impl Queue {
         standing == Ok(Standing::Current { records: true })
     }
 
-    /// Completes a job, or its second or third rendering. `check` asks for a second rendering of a
-    /// first one.
+    /// Completes a job, or its second or third rendering. `redundant` asks for a second rendering of
+    /// a first one.
     ///
     /// Architecture invariant: a completion counts only with the current lease's token. A lease
     /// whose time is over but which nobody has taken back is still current.
@@ -104,7 +104,7 @@ impl Queue {
         material: u32,
         token: Token,
         fingerprint: Digest,
-        check: bool,
+        redundant: bool,
         now: Duration,
     ) -> Result<(Verdict, Changes), Refusal> {
         if self.standing(material, token, fingerprint)? == Standing::Repeated {
@@ -117,11 +117,11 @@ impl Queue {
         };
         let mut changes = Changes::default();
         changes.workers.extend(self.workers.note_success(&name));
-        let (verdict, judged) = match state {
+        let (verdict, decision) = match state {
             JobState::Completed {
                 fingerprint: first,
                 worker,
-                check: Check::Disputed(second),
+                redundant: RedundantRender::Disputed(second),
             } => {
                 let first = (first, worker);
                 self.third_opinion(material, first, second, (fingerprint, name), now)
@@ -135,12 +135,16 @@ impl Queue {
                 self.second_opinion(material, first, (fingerprint, name), now)
             }
             _ => {
-                let check = if check { Check::Due } else { Check::None };
-                let changes = self.completed(material, (fingerprint, name), check, now);
+                let redundant = if redundant {
+                    RedundantRender::Due
+                } else {
+                    RedundantRender::None
+                };
+                let changes = self.completed(material, (fingerprint, name), redundant, now);
                 (Verdict::Recorded, changes)
             }
         };
-        changes.extend(judged);
+        changes.extend(decision);
         let recorded = matches!(verdict, Verdict::Recorded | Verdict::Overturned(_));
         debug_assert_eq!(records, recorded, "{verdict:?}");
         Ok((verdict, changes))
@@ -154,7 +158,7 @@ impl Queue {
         now: Duration,
     ) -> (Verdict, Changes) {
         if first.0 == second.0 {
-            let changes = self.completed(material, first, Check::Agreed, now);
+            let changes = self.completed(material, first, RedundantRender::Agreed, now);
             return (Verdict::Agreed, changes);
         }
         let dispute = Dispute {
@@ -162,7 +166,7 @@ impl Queue {
             worker: second.1,
             holder: None,
         };
-        let changes = self.completed(material, first, Check::Disputed(dispute), now);
+        let changes = self.completed(material, first, RedundantRender::Disputed(dispute), now);
         (Verdict::Disputed, changes)
     }
 
@@ -191,16 +195,16 @@ impl Queue {
             };
             self.jobs[material].failures.push(failure);
             let mut changes = Changes::default();
-            let change = self.transition(material, JobState::SetAside, now);
+            let change = self.transition(material, JobState::Quarantined, now);
             changes.jobs.push(change);
             changes.retracted.push(material);
             return (Verdict::Undecided, changes);
         };
-        let mut changes = self.completed(material, truth, Check::Agreed, now);
+        let mut changes = self.completed(material, truth, RedundantRender::Agreed, now);
         let reason = format!(
             "two other workers rendered material {material} to the same images, and it to others"
         );
-        changes.extend(self.bar(&liar, BarCause::Disagreement, reason, now));
+        changes.extend(self.block(&liar, BlockCause::Disagreement, reason, now));
         (verdict, changes)
     }
 
@@ -208,13 +212,13 @@ impl Queue {
         &mut self,
         material: u32,
         (fingerprint, worker): (Digest, String),
-        check: Check,
+        redundant: RedundantRender,
         now: Duration,
     ) -> Changes {
         let state = JobState::Completed {
             fingerprint,
             worker,
-            check,
+            redundant,
         };
         let mut changes = Changes::default();
         changes.jobs.push(self.transition(material, state, now));
@@ -227,7 +231,7 @@ fn takes_images(state: &JobState, fingerprint: Digest) -> bool {
     match state {
         JobState::Completed {
             fingerprint: first,
-            check: Check::Disputed(second),
+            redundant: RedundantRender::Disputed(second),
             ..
         } => fingerprint == second.fingerprint && fingerprint != *first,
         JobState::Completed { .. } => false,
