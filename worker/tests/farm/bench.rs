@@ -250,6 +250,25 @@ impl Puppet {
             .collect()
     }
 
+    /// Says that it is at work on `material`, with `views_done` views rendered.
+    pub async fn renew(
+        &mut self,
+        token: &[u8],
+        material: u32,
+        views_done: u32,
+    ) -> proto::RenewResponse {
+        let message = proto::RenewRequest {
+            worker_id: self.id.clone(),
+            renewals: vec![proto::Renewal {
+                token: token.to_vec(),
+                material,
+                views_done,
+            }],
+        };
+        let answer = self.client.renew(with_deadline(message)).await;
+        answer.unwrap().into_inner()
+    }
+
     pub async fn put(&mut self, digest: Digest, data: Vec<u8>) -> Result<(), Status> {
         let message = proto::PutBlobRequest {
             digest: digest.as_bytes().to_vec(),
