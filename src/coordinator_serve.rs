@@ -65,6 +65,11 @@ pub struct Options {
     #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
+    /// Room that stays free on the disk of the store, MiB. With less, nothing new is taken in until
+    /// there is room again
+    #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
+          value_parser = clap::value_parser!(u64).range(..=1 << 30))]
+    disk_reserve_mib: u64,
     /// Percent of the materials that a second worker renders again, to the same bytes or somebody
     /// is blocked
     #[arg(long, default_value_t = f64::from(limits::REDUNDANT_PER_MILLION) / 1e4,
@@ -105,6 +110,7 @@ impl Options {
                 deadline: Duration::from_secs(self.job_deadline_seconds),
                 ..Policy::default()
             },
+            disk_reserve_bytes: self.disk_reserve_mib << 20,
             redundant_per_million: (self.check_percent * 1e4).round() as u32,
             ..coordinator::Options::default()
         })

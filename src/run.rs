@@ -53,6 +53,11 @@ pub struct Options {
     #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
+    /// Room that stays free on the disk of the store, MiB. With less, nothing new is taken in until
+    /// there is room again
+    #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
+          value_parser = clap::value_parser!(u64).range(..=1 << 30))]
+    disk_reserve_mib: u64,
 }
 
 /// Failures after which a material is quarantined.
@@ -149,6 +154,7 @@ impl Options {
         coordinator::Options {
             // The workers of an earlier run were part of its process, and nobody else knew its address.
             keep_leases: false,
+            disk_reserve_bytes: self.disk_reserve_mib << 20,
             // They share one machine: what it gets wrong it may get wrong twice.
             redundant_per_million: 0,
             policy: Policy {

@@ -60,7 +60,7 @@ const RAMP: Duration = Duration::from_secs(1);
 /// Threads that the workers are shared out among. A call is handed from task to task half a dozen
 /// times at the worker's side, and each time waits for its turn among all that a thread has to do:
 /// with one thread for all, that is longer than the coordinator takes.
-const CREWS: usize = 8;
+const DRIVERS: usize = 8;
 
 /// The unit of time in `/proc`, the same on every Linux.
 const TICKS_PER_SECOND: f64 = 100.0;
@@ -282,10 +282,10 @@ fn work_all(
     specification: &Specification,
     uploads: &Uploads,
 ) -> (f64, Vec<Seen>) {
-    let all_registered = Barrier::new(CREWS + 1);
+    let all_registered = Barrier::new(DRIVERS + 1);
     thread::scope(|scope| {
-        let crews: Vec<_> = (0..CREWS)
-            .map(|crew| {
+        let drivers: Vec<_> = (0..DRIVERS)
+            .map(|driver| {
                 let all_registered = &all_registered;
                 scope.spawn(move || {
                     let runtime = runtime::Builder::new_current_thread()
@@ -293,7 +293,7 @@ fn work_all(
                         .build()
                         .unwrap();
                     runtime.block_on(async {
-                        let numbers = (crew..load.workers).step_by(CREWS);
+                        let numbers = (driver..load.workers).step_by(DRIVERS);
                         let registered = register(numbers, url, specification).await;
                         all_registered.wait();
                         work_together(load, registered, uploads).await
@@ -303,7 +303,9 @@ fn work_all(
             .collect();
         all_registered.wait();
         let began = Instant::now();
-        let seen = crews.into_iter().flat_map(|crew| crew.join().unwrap());
+        let seen = drivers
+            .into_iter()
+            .flat_map(|driver| driver.join().unwrap());
         let seen = seen.collect();
         (began.elapsed().as_secs_f64(), seen)
     })

@@ -17,6 +17,10 @@ pub struct Options {
     pub metrics: Option<SocketAddr>,
     /// The queue's limits.
     pub policy: Policy,
+    /// Room that stays free on the disk of the store's folder, bytes: with less no job is handed out
+    /// and no image taken in, and [`limits::DISK_RESERVE_FOR_RECORDS_BYTES`] below it nothing is
+    /// recorded, until there is room again.
+    pub disk_reserve_bytes: u64,
     /// Of a million completed materials, how many are rendered a second time by another worker, and
     /// have to come out the same.
     pub redundant_per_million: u32,
@@ -38,6 +42,7 @@ impl Default for Options {
             insecure: false,
             metrics: None,
             policy: Policy::default(),
+            disk_reserve_bytes: limits::DISK_RESERVE_BYTES,
             redundant_per_million: limits::REDUNDANT_PER_MILLION,
             retry_quarantined: true,
             keep_leases: true,

@@ -56,11 +56,11 @@ mod tests {
 
     #[tokio::test]
     async fn all_work_is_done_so_many_pieces_at_one_time() {
-        let hands = Arc::new(UploadSlots::new(3));
+        let slots = Arc::new(UploadSlots::new(3));
         let at_work = Arc::new(Mutex::new((0_usize, 0_usize)));
         let mut all = JoinSet::new();
         for number in 0..200_u64 {
-            let (hands, at_work) = (Arc::clone(&hands), Arc::clone(&at_work));
+            let (slots, at_work) = (Arc::clone(&slots), Arc::clone(&at_work));
             all.spawn(async move {
                 let work = move || {
                     {
@@ -72,7 +72,7 @@ mod tests {
                     at_work.lock().unwrap().0 -= 1;
                     number
                 };
-                assert_eq!(hands.run(work).await, Ok(number));
+                assert_eq!(slots.run(work).await, Ok(number));
             });
         }
         all.join_all().await;
@@ -83,15 +83,15 @@ mod tests {
 
     #[tokio::test]
     async fn the_next_begins_when_the_asker_has_had_its_turn() {
-        let hands = Arc::new(UploadSlots::new(1));
+        let slots = Arc::new(UploadSlots::new(1));
         let (tell, told) = mpsc::channel();
         let first = {
-            let (hands, tell) = (Arc::clone(&hands), tell.clone());
-            task::spawn(async move { hands.run(move || tell.send(1)).await })
+            let (slots, tell) = (Arc::clone(&slots), tell.clone());
+            task::spawn(async move { slots.run(move || tell.send(1)).await })
         };
         let second = {
-            let hands = Arc::clone(&hands);
-            task::spawn(async move { hands.run(move || tell.send(2)).await })
+            let slots = Arc::clone(&slots);
+            task::spawn(async move { slots.run(move || tell.send(2)).await })
         };
         // Both ask; this thread, the runtime's only one, then gives nobody a turn.
         task::yield_now().await;
@@ -105,25 +105,25 @@ mod tests {
 
     #[tokio::test]
     async fn a_panic_costs_its_own_work_alone_and_what_nobody_waits_for_is_not_begun() {
-        let hands = Arc::new(UploadSlots::new(1));
+        let slots = Arc::new(UploadSlots::new(1));
         let (release, released) = mpsc::channel::<()>();
         let (begun, has_begun) = oneshot::channel();
         let held = {
-            let hands = Arc::clone(&hands);
+            let slots = Arc::clone(&slots);
             task::spawn(async move {
                 let work = move || {
                     begun.send(()).unwrap();
                     released.recv().unwrap();
                 };
-                hands.run(work).await
+                slots.run(work).await
             })
         };
         has_begun.await.unwrap();
         let (told, tells) = mpsc::channel();
         let abandoned = {
-            let hands = Arc::clone(&hands);
+            let slots = Arc::clone(&slots);
             let told = told.clone();
-            task::spawn(async move { hands.run(move || told.send("abandoned")).await })
+            task::spawn(async move { slots.run(move || told.send("abandoned")).await })
         };
         task::yield_now().await;
         abandoned.abort();
@@ -131,11 +131,11 @@ mod tests {
         // What is begun keeps its place when nobody waits for it any more.
         held.abort();
         assert!(held.await.unwrap_err().is_cancelled());
-        assert_eq!(hands.free.available_permits(), 0);
+        assert_eq!(slots.free.available_permits(), 0);
         release.send(()).unwrap();
-        let panics = hands.run(|| -> u8 { panic!("a piece of work that panics on purpose") });
+        let panics = slots.run(|| -> u8 { panic!("a piece of work that panics on purpose") });
         assert_eq!(panics.await, Err(Interrupted));
-        let after = hands.run(move || told.send("after").is_ok());
+        let after = slots.run(move || told.send("after").is_ok());
         assert_eq!(after.await, Ok(true));
         assert_eq!(tells.try_iter().collect::<Vec<_>>(), ["after"]);
     }

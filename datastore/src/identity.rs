@@ -15,14 +15,11 @@ use std::{
     io::{self, Read, Write},
     path::{Path, PathBuf},
     thread,
-    time::{Duration, Instant},
+    time::Instant,
 };
 
 /// Version of the layout of a store.
 const LAYOUT: u32 = 1;
-
-/// How often the lock is asked for again.
-const LOCK_PAUSE: Duration = Duration::from_millis(20);
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -71,7 +68,7 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
             // A process that was being started when the last holder closed it has it until it
             // begins.
             Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < limits::STORE_LOCK_WAIT => {
-                thread::sleep(LOCK_PAUSE);
+                thread::sleep(limits::STORE_LOCK_PAUSE);
             }
             Err(rustix::io::Errno::WOULDBLOCK) => return Err(StoreError::Locked(store.to_owned())),
             Err(error) => return Err(FileError::new("lock", &path)(error.into()).into()),

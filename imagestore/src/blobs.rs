@@ -17,6 +17,7 @@ pub use objects::{Claimed, staging_key};
 use crate::{
     FileError,
     bucket::{Bucket, BucketUrl},
+    room::Room,
 };
 use dataset::Digest;
 use folder::Folder;
@@ -28,7 +29,7 @@ use std::{
 /// The images of one store. Cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Blobs {
-    root: PathBuf,
+    room: Room,
     place: Place,
 }
 
@@ -73,7 +74,7 @@ impl Blobs {
     /// The images of the store in `root`, as its files; touches nothing.
     pub fn new(root: &Path) -> Self {
         Self {
-            root: root.to_owned(),
+            room: Room::all_of(root),
             place: Place::Folder(Folder::new(root)),
         }
     }
@@ -82,7 +83,7 @@ impl Blobs {
     /// in.
     pub fn staged_in(root: &Path, staging: PathBuf) -> Self {
         Self {
-            root: root.to_owned(),
+            room: Room::all_of(root),
             place: Place::Folder(Folder::staged_in(root, staging)),
         }
     }
@@ -93,7 +94,7 @@ impl Blobs {
     /// When the environment makes no sense of it.
     pub fn in_bucket(root: &Path, url: &BucketUrl) -> Result<Self, FileError> {
         Ok(Self {
-            root: root.to_owned(),
+            room: Room::all_of(root),
             place: Place::Bucket(Objects::new(Bucket::open(url)?)),
         })
     }
@@ -174,11 +175,30 @@ impl Blobs {
         }
     }
 
-    /// Room on the file system that the store's folder is on, bytes.
-    pub fn free_bytes(&self) -> Result<u64, FileError> {
-        let asked = rustix::fs::statvfs(&self.root);
-        let system = asked.map_err(|error| FileError::new("look at", &self.root)(error.into()))?;
-        Ok(system.f_bavail * system.f_frsize)
+    /// The same images, of whose folder's file system `bytes` stay free.
+    #[must_use]
+    pub fn keeping_free(self, bytes: u64) -> Self {
+        Self {
+            room: self.room.keeping(bytes),
+            ..self
+        }
+    }
+
+    /// Room on the file system that the store's folder is on.
+    pub fn room(&self) -> &Room {
+        &self.room
+    }
+
+    /// Whether another image may come.
+    ///
+    /// # Errors
+    /// [`io::ErrorKind::StorageFull`] when the folder's file system is full. A bucket says so
+    /// itself.
+    pub fn check_room(&self) -> Result<(), FileError> {
+        match &self.place {
+            Place::Folder(_) => self.room.for_images(),
+            Place::Bucket(_) => Ok(()),
+        }
     }
 
     /// Where an image is or would be, for people: a path, or a URL.

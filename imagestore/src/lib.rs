@@ -10,6 +10,7 @@
 pub mod blobs;
 pub mod bucket;
 mod file_error;
+pub mod room;
 pub mod staging;
 pub mod validation;
 

@@ -19,6 +19,7 @@ use exr::{
     },
 };
 use half::f16;
+use limits::IMAGE_HEADER_BYTES_MAX;
 use std::{
     io::Cursor,
     panic::{self, AssertUnwindSafe},
@@ -27,9 +28,6 @@ use thiserror::Error;
 
 /// Scan lines in a block of ZIP16.
 const LINES_PER_BLOCK: usize = 16;
-
-/// The largest image header as JSON, bytes.
-const HEADER_JSON_BYTES_MAX: usize = 64 << 10;
 
 /// Why bytes are no image of the dataset.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -279,9 +277,9 @@ fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
         Some(_) => return Err(Rejection::Attribute("is no text".to_owned())),
         None => return Err(Rejection::Attribute("is missing".to_owned())),
     };
-    if text.len() > HEADER_JSON_BYTES_MAX {
+    if text.len() > IMAGE_HEADER_BYTES_MAX {
         return Err(Rejection::Attribute(format!(
-            "has {} bytes, more than {HEADER_JSON_BYTES_MAX}",
+            "has {} bytes, more than {IMAGE_HEADER_BYTES_MAX}",
             text.len()
         )));
     }

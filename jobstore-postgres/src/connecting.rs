@@ -20,17 +20,25 @@ use tokio_postgres::{
 
 /// What every connection is told first. A transaction whose coordinator froze or went away ends
 /// and lets go of its locks.
-const SETTINGS: &str = "\
-    SET synchronous_commit = on; \
-    SET jit = off; \
-    SET plan_cache_mode = force_generic_plan; \
-    SET enable_bitmapscan = off; \
-    SET statement_timeout = '300s'; \
-    SET idle_in_transaction_session_timeout = '15s'; \
-    SET tcp_keepalives_idle = 10; \
-    SET tcp_keepalives_interval = 5; \
-    SET tcp_keepalives_count = 3; \
-    SET application_name = 'brdfarm'";
+fn settings() -> String {
+    format!(
+        "SET synchronous_commit = on; \
+         SET jit = off; \
+         SET plan_cache_mode = force_generic_plan; \
+         SET enable_bitmapscan = off; \
+         SET statement_timeout = {statement}; \
+         SET idle_in_transaction_session_timeout = {idle}; \
+         SET tcp_keepalives_idle = {keepalive}; \
+         SET tcp_keepalives_interval = {interval}; \
+         SET tcp_keepalives_count = {count}; \
+         SET application_name = 'brdfarm'",
+        statement = limits::DATABASE_STATEMENT_MAX.as_millis(),
+        idle = limits::DATABASE_TRANSACTION_IDLE_MAX.as_millis(),
+        keepalive = limits::DATABASE_KEEPALIVE_IDLE.as_secs(),
+        interval = limits::DATABASE_KEEPALIVE_INTERVAL.as_secs(),
+        count = limits::DATABASE_KEEPALIVE_COUNT,
+    )
+}
 
 /// Why a database cannot be used.
 #[derive(Debug, Error)]
@@ -129,7 +137,7 @@ impl Database {
         };
         let settled = Hook::async_fn(|client, _| {
             Box::pin(async move {
-                let settled = client.batch_execute(SETTINGS).await;
+                let settled = client.batch_execute(&settings()).await;
                 settled.map_err(HookError::Backend)
             })
         });

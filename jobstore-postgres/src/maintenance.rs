@@ -8,14 +8,8 @@ use super::{
 };
 use deadpool_postgres::{ClientWrapper, Object};
 use jobqueue::{Changes, Completion, JobChange, JobRecord, JobState, Policy, RedundantRender};
-use std::{
-    collections::HashMap,
-    time::{Duration, Instant},
-};
+use std::{collections::HashMap, time::Instant};
 use tokio::time::sleep;
-
-/// How often the lock is asked for again.
-const LOCK_PAUSE: Duration = Duration::from_millis(50);
 
 /// A session that holds the lock of commands that write.
 pub struct MaintenanceSession {
@@ -51,7 +45,7 @@ impl MaintenanceSession {
                 if started.elapsed() > limits::LEDGER_LOCK_WAIT {
                     return Ok(None);
                 }
-                sleep(LOCK_PAUSE).await;
+                sleep(limits::DATABASE_LOCK_PAUSE).await;
             }
         };
         begun.await.map_err(|fault: Fault| database.away(fault))

@@ -8,7 +8,7 @@ use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
 const MIGRATIONS: [&str; 2] = [
-    include_str!("migrations/0001_board.sql"),
+    include_str!("migrations/0001_jobs.sql"),
     include_str!("migrations/0002_migrating.sql"),
 ];
 

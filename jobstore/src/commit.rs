@@ -13,9 +13,16 @@ use crate::{
     ledger::{Ledger, LedgerError},
     meter::Meter,
 };
-use imagestore::FileError;
+use imagestore::{FileError, room::Room};
 use jobqueue::{Changes, Completion};
-use std::{sync::Arc, time::Instant};
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::Instant,
+};
 use tokio::sync::watch;
 
 /// What one submission makes durable.
@@ -29,6 +36,7 @@ pub struct Transition {
 pub struct Committer {
     transitions: Group<Transition>,
     failure: watch::Receiver<Option<String>>,
+    closing: Arc<AtomicBool>,
 }
 
 impl Committer {
@@ -36,6 +44,7 @@ impl Committer {
     pub fn start(
         log: CompletionLog,
         ledger: Arc<dyn Ledger>,
+        room: Room,
         metrics: Arc<dyn Meter>,
         committed: impl Fn() + Send + 'static,
     ) -> Result<Self, FileError> {
@@ -46,11 +55,14 @@ impl Committer {
             interval: limits::COMMIT_INTERVAL,
         };
         let mut writer = Writer { log, ledger };
+        let closing = Arc::<AtomicBool>::default();
+        let closed = Arc::clone(&closing);
         let transitions = Group::start("group commit", pace, failure, move |transitions| {
             let began = Instant::now();
             let count = transitions.len();
             let batch = Batch::of(transitions);
             if !batch.changes.is_empty() {
+                wait_for_room(&room, &closed)?;
                 writer.write(&batch)?;
                 metrics.note_commit(began.elapsed(), count);
             }
@@ -60,6 +72,7 @@ impl Committer {
         Ok(Self {
             transitions,
             failure: told,
+            closing,
         })
     }
 
@@ -71,6 +84,7 @@ impl Committer {
         Self {
             transitions: Group::without_thread(write),
             failure: Failure::none_yet().subscribe(),
+            closing: Arc::default(),
         }
     }
 
@@ -85,10 +99,31 @@ impl Committer {
         self.failure.clone()
     }
 
-    /// Accepts nothing more and returns when all that was submitted is durable. Blocks.
+    /// Accepts nothing more and returns when all that was submitted is durable, or the disk is
+    /// full. Blocks.
     pub fn close(&self) {
+        self.closing.store(true, Ordering::Relaxed);
         self.transitions.close();
     }
+}
+
+/// Waits while the disk is full; not when the store is being closed.
+fn wait_for_room(room: &Room, closing: &AtomicBool) -> Result<(), FileError> {
+    let mut told = false;
+    while let Err(error) = room.for_records() {
+        if closing.load(Ordering::Relaxed) {
+            return Err(error);
+        }
+        if !told {
+            tracing::error!(%error, "nothing is recorded");
+            told = true;
+        }
+        thread::sleep(limits::DISK_FULL_INTERVAL);
+    }
+    if told {
+        tracing::info!("there is room on the disk again");
+    }
+    Ok(())
 }
 
 struct Writer {

@@ -68,7 +68,8 @@ impl LocalJobStore {
         let queue = Arc::new(Mutex::new(queue));
         let committed = Arc::clone(&queue);
         let around = Arc::clone(&context);
-        let committer = Committer::start(log, Arc::clone(&ledger), metrics, move || {
+        let room = context.blobs.room().clone();
+        let committer = Committer::start(log, Arc::clone(&ledger), room, metrics, move || {
             let overview = overview(&lock(&committed));
             around.publish(overview);
         })?;
@@ -181,6 +182,8 @@ impl JobStore for LocalJobStore {
     }
 
     async fn claim(&self, worker: WorkerId, tokens: &[Token]) -> Result<Leased, JobStoreError> {
+        // A lease that cannot be recorded would run out before its holder hears of it.
+        self.context.blobs.room().for_records()?;
         let (leased, pending) = {
             let mut queue = self.lock();
             let finished = queue.is_finished();

@@ -67,6 +67,18 @@ pub const MESSAGE_DEADLINE: Duration = Duration::from_secs(25);
 /// The headers of one call, bytes.
 pub const HEADER_BYTES_MAX: u32 = 16 << 10;
 
+/// The shortest token, bytes: 128 random bits as hexadecimal digits.
+pub const TOKEN_BYTES_MIN: usize = 32;
+
+/// The longest token, bytes.
+pub const TOKEN_BYTES_MAX: usize = 256;
+
+/// The most tokens that a coordinator knows.
+pub const TOKENS_MAX: usize = 256;
+
+/// How long accepting rests where the system has no room for another connection.
+pub const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+
 /// Bytes of messages under way, of all calls together.
 pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
@@ -75,6 +87,9 @@ pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 
 /// How long an accepted image waits for its completion before it is dropped.
 pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
+
+/// The largest image header as JSON, bytes.
+pub const IMAGE_HEADER_BYTES_MAX: usize = 64 << 10;
 
 /// For how many lifetimes of a lease a URL for an upload is good; asked for again, there is
 /// another.
@@ -90,6 +105,15 @@ pub const SPECIFICATION_BYTES_MAX: u64 = 4 << 20;
 /// The longest line of the completion log, bytes.
 pub const LOG_LINE_BYTES_MAX: u64 = 4 << 20;
 
+/// Room that stays free on a store's disk unless an operator says otherwise, bytes.
+pub const DISK_RESERVE_BYTES: u64 = 512 << 20;
+
+/// How far the records of images that were taken in may go below that, bytes.
+pub const DISK_RESERVE_FOR_RECORDS_BYTES: u64 = 128 << 20;
+
+/// How often a full disk is looked at again.
+pub const DISK_FULL_INTERVAL: Duration = Duration::from_millis(250);
+
 /// sled's page cache, bytes.
 pub const LEDGER_CACHE_BYTES: u64 = 64 << 20;
 
@@ -102,6 +126,9 @@ pub const COMMIT_INTERVAL: Duration = Duration::from_millis(20);
 
 /// How long a store's lock is asked for before somebody else is said to have it.
 pub const STORE_LOCK_WAIT: Duration = Duration::from_secs(1);
+
+/// How often a store's lock is asked for again.
+pub const STORE_LOCK_PAUSE: Duration = Duration::from_millis(20);
 
 /// How long a restart waits for the ledger of a process that is just ending.
 pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
@@ -125,11 +152,52 @@ pub const STOP_GRACE: Duration = Duration::from_secs(5);
 /// Bytes that surround the pixels of an image: header, attributes, chunk table.
 pub const IMAGE_OVERHEAD_BYTES_MAX: u64 = 64 << 10;
 
+/// Requests to a bucket that one operation has under way at one time.
+pub const BUCKET_REQUESTS_AT_ONCE: usize = 16;
+
+/// How long a request is repeated while a bucket's server does not answer it: shorter than a worker
+/// waits for its own call, so that it hears why.
+pub const BUCKET_RETRY_MAX: Duration = Duration::from_secs(30);
+
+/// The longest pause between two repetitions of a bucket's request.
+pub const BUCKET_BACKOFF_MAX: Duration = Duration::from_secs(5);
+
+/// Repetitions of a bucket's request.
+pub const BUCKET_RETRIES_MAX: usize = 12;
+
+/// Threads that wait for a bucket's server.
+pub const BUCKET_THREADS: usize = 2;
+
+/// The longest URL of a bucket, bytes.
+pub const BUCKET_URL_BYTES_MAX: usize = 1024;
+
+/// The largest object that says whose place in a bucket it is, bytes.
+pub const BUCKET_OWNER_BYTES_MAX: u64 = 4096;
+
+/// How long one statement of a database may take; commands that read or change all of it
+/// take as long as they take.
+pub const DATABASE_STATEMENT_MAX: Duration = Duration::from_secs(300);
+
+/// How long a transaction whose coordinator froze or went away keeps its locks.
+pub const DATABASE_TRANSACTION_IDLE_MAX: Duration = Duration::from_secs(15);
+
+/// When a database first asks whether a silent coordinator's machine is still there.
+pub const DATABASE_KEEPALIVE_IDLE: Duration = Duration::from_secs(10);
+
+/// When it asks again.
+pub const DATABASE_KEEPALIVE_INTERVAL: Duration = Duration::from_secs(5);
+
+/// After how many questions without an answer it ends the connection.
+pub const DATABASE_KEEPALIVE_COUNT: u32 = 3;
+
 /// Connections of one coordinator to its database.
 pub const DATABASE_CONNECTIONS_MAX: usize = 12;
 
 /// How long a call waits for a connection to the database.
 pub const DATABASE_CONNECT_WAIT: Duration = Duration::from_secs(5);
+
+/// How often a database's lock is asked for again.
+pub const DATABASE_LOCK_PAUSE: Duration = Duration::from_millis(50);
 
 /// How long a database may leave what was sent to it unanswered by its machine.
 pub const DATABASE_SILENCE_MAX: Duration = Duration::from_secs(20);

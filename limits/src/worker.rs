@@ -33,6 +33,9 @@ pub const UPLOADS_AT_ONCE: usize = 4;
 /// How long one upload to a bucket may take: 7 MiB over 2 Mbit/s fit.
 pub const UPLOAD_DEADLINE: Duration = Duration::from_secs(40);
 
+/// How long a connection to a bucket stays open without a request.
+pub const UPLOAD_CONNECTION_IDLE_MAX: Duration = Duration::from_secs(30);
+
 /// Attempts of one upload before another URL is asked for.
 pub const UPLOAD_ATTEMPTS: u32 = 5;
 

@@ -4,7 +4,7 @@ use dataset::Specification;
 use export::rectify::Rectifier;
 use renderer::{geometry::BackendChoice, scene::Scene};
 
-/// Squares of the board along the sample's side.
+/// Squares of the checkerboard along the sample's side.
 const SQUARES: u32 = 4;
 
 /// The rectified image's side.
@@ -61,7 +61,7 @@ fn edge(values: &[f64]) -> f64 {
 fn a_checkerboard_is_warped_to_within_a_twentieth_of_a_pixel() {
     let specification = Specification::preset();
     let square = (SIDE / SQUARES) as usize;
-    let board = |u: f64, v: f64| {
+    let checkerboard = |u: f64, v: f64| {
         let cell = |x: f64| (x * f64::from(SQUARES)) as u32;
         f64::from((cell(u) + cell(v)) % 2)
     };
@@ -69,7 +69,7 @@ fn a_checkerboard_is_warped_to_within_a_twentieth_of_a_pixel() {
         let film = film(
             &scene(&specification, view),
             specification.sample.side_m,
-            board,
+            checkerboard,
         );
         let rectifier = Rectifier::new(&specification, view as u32, SIDE).unwrap();
         let values: Vec<f64> = rectifier

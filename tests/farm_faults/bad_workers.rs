@@ -126,8 +126,8 @@ fn bad_worker(kind: &str, harness: &Harness) -> Process {
     Process::spawn(command.stdout(Stdio::null()).stderr(Stdio::null()))
 }
 
-/// Names of workers that are barred.
-fn barred(harness: &Harness) -> Vec<String> {
+/// Names of workers that are blocked.
+fn blocked(harness: &Harness) -> Vec<String> {
     let arguments = format!(
         "workers list --json --coordinator http://{}",
         harness.address
@@ -136,8 +136,8 @@ fn barred(harness: &Harness) -> Vec<String> {
     let workers = listed
         .lines()
         .map(|line| serde_json::from_str(line).expect("JSON"));
-    let barred = workers.filter(|worker: &Value| worker["barred"] != "");
-    barred
+    let blocked = workers.filter(|worker: &Value| worker["barred"] != "");
+    blocked
         .map(|worker| worker["name"].as_str().expect("a name").to_owned())
         .collect()
 }
@@ -145,7 +145,7 @@ fn barred(harness: &Harness) -> Vec<String> {
 /// One in five of its images has one pixel that is not as it should be. Rendering some materials
 /// again finds that out, and what it alone vouches for is rendered again.
 #[test]
-fn a_worker_that_lies_is_barred_and_its_work_rendered_again() {
+fn a_worker_that_lies_is_blocked_and_its_work_rendered_again() {
     let mut harness = Harness::new(24, 16);
     harness.lease_seconds = 10;
     harness.check_percent = 30;
@@ -154,7 +154,7 @@ fn a_worker_that_lies_is_barred_and_its_work_rendered_again() {
     wait_for("lies", || harness.completed().len() >= 6);
     let sound = ["a", "b"].map(|name| harness.worker(name, &harness.address));
     harness.wait_until_finished();
-    assert_eq!(barred(&harness), ["liar"]);
+    assert_eq!(blocked(&harness), ["liar"]);
     assert_eq!(harness.status()["set_aside"], 0);
     for worker in sound {
         assert_eq!(worker.ended(patience()).code(), Some(0));
@@ -167,13 +167,13 @@ fn a_worker_that_lies_is_barred_and_its_work_rendered_again() {
     harness.expect_the_undisturbed_set();
 }
 
-/// It fails whatever it gets: it is barred, and no material is given up over it.
+/// It fails whatever it gets: it is blocked, and no material is given up over it.
 #[test]
-fn a_worker_that_fails_everything_is_barred_and_costs_no_material() {
+fn a_worker_that_fails_everything_is_blocked_and_costs_no_material() {
     let mut harness = Harness::new(10, 16);
     harness.start();
     let broken = bad_worker("broken", &harness);
-    wait_for("a bar", || barred(&harness) == ["broken"]);
+    wait_for("a block", || blocked(&harness) == ["broken"]);
     // It held two at most, so one may have failed after the third.
     let failures = harness.status()["failures"].as_u64();
     assert!(matches!(failures, Some(3 | 4)), "{failures:?}");

@@ -88,7 +88,7 @@ pub fn campaign(mut harness: Harness, materials: u32, kills_min: u32, pause_ms: 
     println!(
         "campaign: {kills} kills ({coordinator_kills} of the coordinator, {worker_kills} of \
          workers), {materials} materials and {} images complete, each once, equal to an \
-         undisturbed run's; {} completions acknowledged, 0 lost; 0 set aside; {:.0} s",
+         undisturbed run's; {} completions acknowledged, 0 lost; 0 quarantined; {:.0} s",
         14 * materials,
         acknowledged.len(),
         began.elapsed().as_secs_f64()

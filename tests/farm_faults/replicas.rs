@@ -383,7 +383,7 @@ fn campaign(size: &Size) {
     println!(
         "campaign: {killed} kills ({kills:?}) with {} coordinators and {} workers, {} materials and \
          {} images complete, each once, equal to an undisturbed run's; {} completions \
-         acknowledged, 0 lost; 0 set aside; {:.0} s",
+         acknowledged, 0 lost; 0 quarantined; {:.0} s",
         size.replicas,
         size.workers,
         size.materials,

@@ -45,7 +45,7 @@ fn a_store_goes_into_a_database_and_a_bucket_and_comes_back_the_same() {
     let specification = small_specification(MATERIALS).to_toml();
     fs::write(place.path().join("spec.toml"), specification).expect("written");
     let (coordinator, url) = place.coordinator(&database, "");
-    // Its exit code tells of what was set aside.
+    // Its exit code tells of what was quarantined.
     let status = place.run(&format!("status --json --coordinator {url}"));
     let status: Value = serde_json::from_slice(&status.stdout).expect("JSON");
     assert_eq!(status["mode"], "paused", "{status:#}");

@@ -4,7 +4,7 @@ use crate::connection::pause;
 use bytes::Bytes;
 use proto::UploadUrl;
 use reqwest::{Client, StatusCode, redirect::Policy};
-use std::{sync::OnceLock, time::Duration};
+use std::sync::OnceLock;
 use thiserror::Error;
 use tokio::time::sleep;
 
@@ -73,7 +73,7 @@ impl Uploader {
         let client = Client::builder()
             .connect_timeout(limits::protocol::CONNECT_DEADLINE)
             .timeout(limits::worker::UPLOAD_DEADLINE)
-            .pool_idle_timeout(Duration::from_secs(30))
+            .pool_idle_timeout(limits::worker::UPLOAD_CONNECTION_IDLE_MAX)
             .redirect(Policy::none())
             .build()
             .map_err(away)?;

@@ -60,6 +60,7 @@ impl Farm {
         // gives back. Whether the image is in the store already is not looked up: a worker asks
         // before it sends, and a second copy is dropped when it grows old.
         let take_in = move || {
+            context.blobs.check_room()?;
             {
                 let mut staging = context.staging();
                 if staging.contains(&digest) {

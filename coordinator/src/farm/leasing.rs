@@ -71,6 +71,8 @@ impl Farm {
             if *stopping.borrow() {
                 return Ok(Leased::default());
             }
+            // Nothing is rendered that could not be taken in.
+            self.context.blobs.check_room()?;
             let leased = self.job_store.claim(worker, &tokens).await?;
             let Some(name) = &leased.name else {
                 self.shared.lock().presence.remove(worker);

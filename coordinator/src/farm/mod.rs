@@ -157,6 +157,7 @@ impl Farm {
 
     /// Whether the next call would be answered.
     pub async fn probe(&self) -> Result<(), JobStoreError> {
+        self.context.blobs.check_room()?;
         self.job_store.publish_overview().await
     }
 
@@ -199,7 +200,7 @@ async fn own_job_store(
     let (blobs, recovered, lock) = store.into_parts();
     queue.restore(recovered.kept, Duration::ZERO);
     shared.lock().bytes_before = recovered.image_bytes;
-    let context = context(blobs, shared);
+    let context = context(blobs.keeping_free(options.disk_reserve_bytes), shared);
     let started = shared.started;
     let job_store = LocalJobStore::start(
         queue,
@@ -225,7 +226,8 @@ async fn shared_job_store(
     metrics: &Arc<Metrics>,
     shared: &Arc<Shared>,
 ) -> Result<Opened, FarmError> {
-    let context = context(store.blobs, shared);
+    let blobs = store.blobs.keeping_free(options.disk_reserve_bytes);
+    let context = context(blobs, shared);
     let job_store = PostgresJobStore::new(
         store.database,
         options.policy,

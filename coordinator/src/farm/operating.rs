@@ -48,7 +48,7 @@ impl Farm {
     /// What Prometheus is told.
     pub fn metrics_text(&self) -> String {
         let report = self.report();
-        let free = self.context.blobs.free_bytes().unwrap_or(0);
+        let free = self.context.blobs.room().free_bytes().unwrap_or(0);
         self.metrics.text(&report, free)
     }
 

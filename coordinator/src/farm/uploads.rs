@@ -25,7 +25,7 @@ use futures_util::{StreamExt, TryStreamExt, stream};
 use imagestore::{
     FileError,
     blobs::{Objects, staging_key},
-    bucket::{Bucket, REQUESTS_AT_ONCE, UploadUrl},
+    bucket::{Bucket, UploadUrl},
     validation::{self, Rejection},
 };
 use jobqueue::{Completion, token::Token};
@@ -126,7 +126,7 @@ impl Farm {
                 let what = claim.settle().await?;
                 Ok::<_, FarmError>((claim.digest, claim.place, claim.staged, what))
             });
-            let settled = stream::iter(settled).buffered(REQUESTS_AT_ONCE);
+            let settled = stream::iter(settled).buffered(limits::BUCKET_REQUESTS_AT_ONCE);
             settled.try_collect::<Vec<_>>().await
         });
         let settled = settled.await.map_err(|_| FarmError::Interrupted)??;

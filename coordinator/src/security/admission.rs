@@ -12,7 +12,6 @@ use std::{
     pin::Pin,
     sync::Arc,
     task::{Context, Poll},
-    time::Duration,
 };
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
@@ -26,9 +25,6 @@ use tonic::transport::server::{Connected, TcpConnectInfo};
 
 /// How an HTTP/2 connection without TLS begins.
 const PREFACE_BYTES: usize = 24;
-
-/// How long accepting rests where the system has no room for another connection.
-const FULL_PAUSE: Duration = Duration::from_millis(50);
 
 /// A connection whose peer has spoken, and its place among those admitted.
 pub(crate) struct Connection {
@@ -78,7 +74,7 @@ async fn accept(
             Ok((stream, _)) => stream,
             Err(error) => {
                 tracing::debug!(%error, "a connection could not be accepted");
-                sleep(FULL_PAUSE).await;
+                sleep(limits::ACCEPT_PAUSE).await;
                 continue;
             }
         };
@@ -114,7 +110,7 @@ async fn welcome(
             break;
         }
         // What was seen stays readable, so waiting for more has to be done by the clock.
-        sleep(FULL_PAUSE).await;
+        sleep(limits::ACCEPT_PAUSE).await;
     }
     let Ok(place) = places.try_acquire_owned() else {
         tracing::warn!(

@@ -1,16 +1,10 @@
 //! Tokens and their roles.
 
 use dataset::Digest;
+use limits::{TOKEN_BYTES_MAX, TOKEN_BYTES_MIN, TOKENS_MAX};
 use std::{fmt, str::FromStr};
 use subtle::{Choice, ConditionallySelectable, ConstantTimeEq};
 use thiserror::Error;
-
-/// The shortest token, bytes: 128 random bits as hexadecimal digits.
-const TOKEN_BYTES_MIN: usize = 32;
-/// The longest token, bytes.
-const TOKEN_BYTES_MAX: usize = 256;
-/// The most tokens that a coordinator knows.
-const TOKENS_MAX: usize = 256;
 
 /// What a token is good for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::{
     Answer, digest, message_digest,
-    refusal::{invalid, too_many},
+    refusal::{invalid, is_momentary, too_many},
     token, worker,
 };
 use crate::farm::{BroughtImage, Farm, Md5, Outcome};
@@ -196,13 +196,20 @@ impl proto::Farm for FarmService {
         let span = info_span!("job", material = message.material, lease = %token);
         let outcome = async {
             let outcome = self.farm.complete(token, completion, brought, &md5s).await;
+            let outcome = outcome.map_err(Status::from);
             match &outcome {
                 Ok(Outcome::Recorded) => {}
                 Ok(Outcome::Repeated) => tracing::info!("completed before"),
                 Ok(Outcome::Missing(missing)) => {
                     tracing::info!(missing = missing.len(), "images are missing");
                 }
-                Err(error) => tracing::warn!(%error, "a completion does not count"),
+                // Its worker says so, and it is repeated.
+                Err(status) if is_momentary(status.code()) => {
+                    tracing::debug!(error = status.message(), "a completion has to wait");
+                }
+                Err(status) => {
+                    tracing::warn!(error = status.message(), "a completion does not count");
+                }
             }
             outcome
         };

@@ -14,10 +14,15 @@ use tonic_types::{ErrorDetails, StatusExt};
 pub(crate) fn refuse(code: Code, reason: &str, message: impl Into<String>) -> Status {
     let mut details = ErrorDetails::new();
     details.set_error_info(reason, ERROR_DOMAIN, HashMap::new());
-    if matches!(code, Code::Unavailable | Code::ResourceExhausted) {
+    if is_momentary(code) {
         details.set_retry_info(Some(RETRY_AFTER));
     }
     Status::with_error_details(code, message, details)
+}
+
+/// Whether the same call may be answered later.
+pub(super) fn is_momentary(code: Code) -> bool {
+    matches!(code, Code::Unavailable | Code::ResourceExhausted)
 }
 
 /// The status of a message whose field is wrong.
@@ -49,7 +54,7 @@ impl From<FarmError> for Status {
 
 fn kind(error: &FarmError) -> (Code, &'static str) {
     match error {
-        FarmError::JobStore(error) => board_kind(error),
+        FarmError::JobStore(error) => job_store_kind(error),
         FarmError::Image { .. } | FarmError::Rejected(_) => {
             (Code::InvalidArgument, "IMAGE_REJECTED")
         }
@@ -71,7 +76,7 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
     }
 }
 
-fn board_kind(error: &JobStoreError) -> (Code, &'static str) {
+fn job_store_kind(error: &JobStoreError) -> (Code, &'static str) {
     match error {
         JobStoreError::Refused(Refusal::UnknownMaterial(_)) => {
             (Code::InvalidArgument, "UNKNOWN_MATERIAL")

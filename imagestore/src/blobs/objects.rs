@@ -11,7 +11,7 @@
 use super::{Entry, Name};
 use crate::{
     FileError,
-    bucket::{Bucket, Object, REQUESTS_AT_ONCE},
+    bucket::{Bucket, Object},
 };
 use dataset::{Digest, blob_path};
 use futures_util::{StreamExt, TryStreamExt, stream};
@@ -25,9 +25,6 @@ use std::{
 
 /// The object that says whose place it is.
 const OWNER_KEY: &str = "store.json";
-
-/// The largest such object that is read, bytes.
-const OWNER_BYTES_MAX: u64 = 4096;
 
 /// The folder of uploads.
 const STAGING: &str = "staging";
@@ -89,7 +86,10 @@ impl Objects {
                 self.bucket.write(OWNER_KEY, text.clone()).await?;
                 found = self.bucket.head(OWNER_KEY).await?;
             }
-            let there = self.bucket.read(OWNER_KEY, OWNER_BYTES_MAX).await?;
+            let there = self
+                .bucket
+                .read(OWNER_KEY, limits::BUCKET_OWNER_BYTES_MAX)
+                .await?;
             if serde_json::from_slice(&there).ok().as_ref() != Some(&ours) {
                 return Ok(Claimed::Others);
             }
@@ -115,7 +115,7 @@ impl Objects {
             let object = self.bucket.head(&blob_path(digest)).await?;
             Ok(object.map(|object| object.bytes))
         });
-        let heads = stream::iter(heads).buffered(REQUESTS_AT_ONCE);
+        let heads = stream::iter(heads).buffered(limits::BUCKET_REQUESTS_AT_ONCE);
         self.bucket.block_on(heads.try_collect())
     }
 
@@ -131,7 +131,7 @@ impl Objects {
             let key = blob_path(digest);
             self.bucket.write(&key, bytes.clone()).await.map(|_| ())
         });
-        let writes = stream::iter(writes).buffer_unordered(REQUESTS_AT_ONCE);
+        let writes = stream::iter(writes).buffer_unordered(limits::BUCKET_REQUESTS_AT_ONCE);
         self.bucket.block_on(writes.try_collect())
     }
 

@@ -36,22 +36,6 @@ use std::{
 use tokio::runtime::{self, Runtime};
 use url::Service;
 
-/// Requests that one operation has under way at one time.
-pub const REQUESTS_AT_ONCE: usize = 16;
-
-/// How long a request is repeated while the server does not answer it: shorter than a worker waits
-/// for its own call, so that it hears why.
-const RETRY_MAX: Duration = Duration::from_secs(30);
-
-/// The longest pause between two repetitions.
-const BACKOFF_MAX: Duration = Duration::from_secs(5);
-
-/// Repetitions of a request.
-const RETRIES_MAX: usize = 12;
-
-/// Threads that wait for the network.
-const IO_THREADS: usize = 2;
-
 static IO: Mutex<Option<&'static Runtime>> = Mutex::new(None);
 
 /// A place in a bucket. Cheap to clone.
@@ -214,7 +198,7 @@ impl Bucket {
     pub async fn read_each(&self, objects: Vec<(String, u64)>) -> Vec<Result<Vec<u8>, FileError>> {
         let reads = objects.into_iter();
         let reads = reads.map(|(key, bytes)| async move { self.read(&key, bytes).await });
-        let reads = stream::iter(reads).buffered(REQUESTS_AT_ONCE);
+        let reads = stream::iter(reads).buffered(limits::BUCKET_REQUESTS_AT_ONCE);
         reads.collect().await
     }
 
@@ -336,11 +320,11 @@ fn both<S: ObjectStore + Signer>(built: Result<S, Error>) -> Result<Client, Erro
 fn retry() -> RetryConfig {
     RetryConfig {
         backoff: BackoffConfig {
-            max_backoff: BACKOFF_MAX,
+            max_backoff: limits::BUCKET_BACKOFF_MAX,
             ..BackoffConfig::default()
         },
-        max_retries: RETRIES_MAX,
-        retry_timeout: RETRY_MAX,
+        max_retries: limits::BUCKET_RETRIES_MAX,
+        retry_timeout: limits::BUCKET_RETRY_MAX,
     }
 }
 
@@ -350,7 +334,7 @@ fn io_runtime() -> io::Result<&'static Runtime> {
         return Ok(runtime);
     }
     let runtime = runtime::Builder::new_multi_thread()
-        .worker_threads(IO_THREADS)
+        .worker_threads(limits::BUCKET_THREADS)
         .thread_name("bucket")
         .enable_all()
         .build()?;

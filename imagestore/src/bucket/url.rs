@@ -4,9 +4,6 @@ use object_store::{path::Path, signer::Url};
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
 
-/// The longest URL of a bucket, bytes.
-const URL_BYTES_MAX: usize = 1024;
-
 /// A place in a bucket, such as `s3://bucket/prefix`. Has no slash at its end, and carries neither
 /// names nor keys of anybody: those come from the environment.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,7 +53,7 @@ impl FromStr for BucketUrl {
              without names, keys or queries"
                 .to_owned()
         };
-        if text.len() > URL_BYTES_MAX {
+        if text.len() > limits::BUCKET_URL_BYTES_MAX {
             return Err(wrong());
         }
         let url = Url::parse(text).map_err(|_| wrong())?;

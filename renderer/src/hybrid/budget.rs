@@ -485,9 +485,10 @@ pub mod interreflection {
     /// From this exponent on an anisotropic lobe is narrow enough that lines along its u axis pay.
     pub const ROTATED_FROM: f64 = 10.0;
 
-    /// Lines over an anisotropic lobe are as dense as this exponent asks for, if not denser: the lobe turns
-    /// from line to line where light grazes the sample, however wide it is. Measured on 370 and 690 of the
-    /// preset, whose rules missed a hundredth at every level without it; sheets take less work with it.
+    /// Lines over an anisotropic lobe are as dense as this exponent asks for, if not denser: the
+    /// lobe turns from line to line where light grazes the sample, however wide it is. Measured on
+    /// 370 and 690 of the preset, whose rules missed a hundredth at every level without it; highly
+    /// anisotropic lobes take less work with it.
     pub const BESIDE_RIDGE_EXPONENT: f64 = 160.0;
 
     /// Digits beyond those that count at which the tail of a narrow lobe is cut. Chosen.

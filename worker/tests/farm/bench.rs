@@ -32,6 +32,7 @@ pub struct Bench {
     pub specification: Specification,
     pub policy: Policy,
     pub redundant_per_million: u32,
+    pub disk_reserve_bytes: u64,
     pub rendered: Arc<AtomicU64>,
 }
 
@@ -110,6 +111,7 @@ impl Bench {
             specification: small_specification(materials),
             policy: Policy::default(),
             redundant_per_million: 0,
+            disk_reserve_bytes: 0,
             rendered: Arc::default(),
         }
     }
@@ -133,6 +135,7 @@ impl Bench {
             listen,
             policy: self.policy,
             redundant_per_million: self.redundant_per_million,
+            disk_reserve_bytes: self.disk_reserve_bytes,
             ..Options::default()
         };
         Coordinator::start(store, options).await.unwrap()
@@ -201,6 +204,7 @@ impl Bench {
 }
 
 /// A worker in single steps.
+#[derive(Clone)]
 pub struct Puppet {
     pub client: FarmClient,
     pub id: Vec<u8>,
@@ -229,13 +233,17 @@ impl Puppet {
     }
 
     pub async fn lease(&mut self, jobs_max: u32) -> proto::LeaseResponse {
+        self.try_lease(jobs_max).await.unwrap()
+    }
+
+    pub async fn try_lease(&mut self, jobs_max: u32) -> Result<proto::LeaseResponse, Status> {
         let message = proto::LeaseRequest {
             worker_id: self.id.clone(),
             jobs_max,
             wait_ms: 0,
         };
-        let answer = self.client.lease(with_deadline(message)).await.unwrap();
-        answer.into_inner()
+        let answer = self.client.lease(with_deadline(message)).await?;
+        Ok(answer.into_inner())
     }
 
     pub async fn lease_one(&mut self) -> proto::Job {

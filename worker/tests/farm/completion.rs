@@ -83,7 +83,7 @@ fn fails_on_one(material: u32, view: u32) -> Result<(), RenderFailure> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn what_cannot_be_rendered_is_set_aside_with_its_errors_and_can_be_retried() {
+async fn what_cannot_be_rendered_is_quarantined_with_its_errors_and_can_be_retried() {
     let mut bench = Bench::new(5);
     // There is one worker: what it fails goes back to it.
     bench.policy.failures_max = 3;

@@ -8,6 +8,7 @@ mod cheap_image;
 
 mod bench;
 mod completion;
+mod disk;
 mod leases;
 mod operation;
 mod refusals;

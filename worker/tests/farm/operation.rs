@@ -57,7 +57,7 @@ fn selected(first: u32, last: u32) -> Option<proto::JobSelection> {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_worker_that_fails_everything_is_barred_and_the_others_finish() {
+async fn a_worker_that_fails_everything_is_blocked_and_the_others_finish() {
     let bench = Bench::new(12);
     let coordinator = bench.coordinator().await;
     let mut control = bench.control(&coordinator.url());
@@ -105,7 +105,7 @@ async fn a_worker_that_fails_everything_is_barred_and_the_others_finish() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn a_job_is_set_aside_after_failing_on_three_workers_and_retried_on_request() {
+async fn a_job_is_quarantined_after_failing_on_three_workers_and_retried_on_request() {
     let bench = Bench::new(4);
     let coordinator = bench.coordinator().await;
     let mut control = bench.control(&coordinator.url());
