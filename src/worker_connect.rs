@@ -28,7 +28,7 @@ pub struct Options {
     /// and another where it goes away
     #[arg(value_name = "URL", required = true)]
     urls: Vec<String>,
-    /// The worker's name: failures and bars are counted by it, so one that stays the same when the
+    /// The worker's name: failures and blocks are counted by it, so one that stays the same when the
     /// worker starts again is better [default: the machine's name and the process's number]
     #[arg(long)]
     name: Option<String>,
