@@ -50,18 +50,13 @@ pub(crate) async fn deliver(
         Err(CallError::Refused(status)) => return refused(connection, job, &status).await,
         Err(error) => return Err(error),
     };
-    let md5s = if upload_by_url {
-        md5s(rendered)
-    } else {
-        Vec::new()
-    };
     for _ in 0..limits::worker::DELIVERIES_MAX {
         if job.lost.load(Ordering::Relaxed) {
             return Ok(Delivered::Lost);
         }
-        let mut completion = completion(job, rendered, &md5s);
+        let mut completion = completion(job, rendered, upload_by_url);
         let sent = if upload_by_url {
-            upload_missing(connection, uploader, job, rendered, &md5s, &missing).await
+            upload_missing(connection, uploader, job, rendered, &missing).await
         } else if bytes_of(rendered, &missing) <= IMAGES_BROUGHT_BYTES_MAX {
             bring_along(&mut completion, rendered, &missing);
             Ok(())
@@ -153,16 +148,13 @@ async fn upload_missing(
     uploader: &Uploader,
     job: &Job,
     rendered: &RenderedJob,
-    md5s: &[Vec<u8>],
     missing: &[Vec<u8>],
 ) -> Result<(), CallError> {
-    let images = rendered.views.iter().zip(md5s);
-    let mut waiting: Vec<(Upload, Bytes)> = images
-        .filter(|((digest, _), _)| is_among(digest, missing))
-        .map(|((digest, image), md5)| {
+    let mut waiting: Vec<(Upload, Bytes)> = missing_of(rendered, missing)
+        .map(|(digest, image)| {
             let upload = Upload {
                 digest: digest.as_bytes().to_vec(),
-                md5: md5.clone(),
+                md5: md5(image),
             };
             (upload, Bytes::from(image.exr.clone()))
         })
@@ -270,17 +262,12 @@ async fn send_missing(
     }
 }
 
-fn md5s(rendered: &RenderedJob) -> Vec<Vec<u8>> {
-    let images = rendered.views.iter();
-    images
-        .map(|(_, image)| Md5::digest(&image.exr).to_vec())
-        .collect()
+fn md5(image: &RenderedView) -> Vec<u8> {
+    Md5::digest(&image.exr).to_vec()
 }
 
-/// `md5s` may be empty, where nobody wants them.
-fn completion(job: &Job, rendered: &RenderedJob, md5s: &[Vec<u8>]) -> CompleteRequest {
-    let views = rendered.views.iter().enumerate();
-    let views = views.map(|(view, (digest, image))| {
+fn completion(job: &Job, rendered: &RenderedJob, with_md5s: bool) -> CompleteRequest {
+    let views = rendered.views.iter().map(|(digest, image)| {
         let statistics = image.statistics;
         View {
             digest: digest.as_bytes().to_vec(),
@@ -293,7 +280,7 @@ fn completion(job: &Job, rendered: &RenderedJob, md5s: &[Vec<u8>]) -> CompleteRe
                 samples: statistics.samples,
                 evaluations: statistics.evaluations,
             }),
-            md5: md5s.get(view).cloned().unwrap_or_default(),
+            md5: if with_md5s { md5(image) } else { Vec::new() },
             image: Bytes::new(),
         }
     });

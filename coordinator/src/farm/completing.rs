@@ -6,7 +6,7 @@ use super::{
     random,
 };
 use bytes::Bytes;
-use dataset::{Digest, ImageHeader};
+use dataset::{CompletedView, Digest, ImageHeader};
 use futures_util::future::try_join_all;
 use imagestore::{
     staging::StagedImage,
@@ -24,26 +24,51 @@ pub(crate) enum Outcome {
     Missing(Vec<Digest>),
 }
 
-/// An image that came with its completion.
-pub(crate) struct BroughtImage {
-    pub digest: Digest,
-    /// Its size as declared.
-    pub bytes: u64,
+/// A material as its worker reports it.
+pub(crate) struct RenderedMaterial {
+    pub material: u32,
+    /// In the order of the specification's views.
+    pub images: Vec<RenderedImage>,
+    pub seconds: f64,
+}
+
+/// An image as its worker reports it.
+pub(crate) struct RenderedImage {
+    pub view: CompletedView,
+    /// Where images are in a bucket.
+    pub md5: Option<Md5>,
+    /// Its bytes where they came along, empty where they did not.
     pub data: Bytes,
 }
 
+impl RenderedMaterial {
+    /// What is recorded of it. Who rendered it is filled in by the job store.
+    fn completion(&self) -> Completion {
+        Completion {
+            material: self.material,
+            views: self.images.iter().map(|image| image.view.clone()).collect(),
+            seconds: self.seconds,
+            worker: String::new(),
+        }
+    }
+
+    /// Its images that came along, with the sizes that they were reported with.
+    fn brought(&self) -> impl Iterator<Item = (Digest, u64, Bytes)> {
+        let came = self.images.iter().filter(|image| !image.data.is_empty());
+        came.map(|RenderedImage { view, data, .. }| (view.digest, view.bytes, data.clone()))
+    }
+}
+
 impl Farm {
-    /// Records a completion, durably, if its token is the current lease's and every image is here
-    /// and is what it should be. Who rendered it is filled in by the job store. Images that are
-    /// brought along are taken in first, unless the lease is over. `md5s` are those of the views in
-    /// order, where images are in a bucket.
+    /// Records a material as complete, durably, if its token is the current lease's and every image
+    /// is here and is what it should be. Images that came along are taken in first, unless the lease
+    /// is over.
     pub async fn complete(
         &self,
         token: Token,
-        completion: Completion,
-        brought: Vec<BroughtImage>,
-        md5s: &[Option<Md5>],
+        rendered: RenderedMaterial,
     ) -> Result<Outcome, FarmError> {
+        let completion = rendered.completion();
         self.check_completion(&completion)?;
         let (material, bytes, seconds) =
             (completion.material, completion.bytes(), completion.seconds);
@@ -55,14 +80,14 @@ impl Farm {
             .standing(material, token, fingerprint)
             .await?;
         if let Standing::Current { records } = standing {
-            let taken_in = brought
-                .into_iter()
-                .map(|image| self.put_blob(image.digest, image.bytes, image.data));
+            let taken_in = rendered
+                .brought()
+                .map(|(digest, bytes, data)| self.put_blob(digest, bytes, data));
             try_join_all(taken_in).await?;
             let missing = match self.context.blobs.objects() {
                 None => self.missing_images(&completion).await?,
                 Some(objects) => {
-                    let settled = self.settle(objects, token, &completion, md5s).await?;
+                    let settled = self.settle(objects, token, &rendered).await?;
                     let missing = settled.missing();
                     uploads = Some(settled);
                     missing

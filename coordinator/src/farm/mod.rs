@@ -12,7 +12,7 @@ mod leasing;
 mod operating;
 mod uploads;
 
-pub(crate) use completing::{BroughtImage, Outcome};
+pub(crate) use completing::{Outcome, RenderedImage, RenderedMaterial};
 pub(crate) use error::FarmError;
 pub(crate) use events::Event;
 pub(crate) use operating::WorkerReport;

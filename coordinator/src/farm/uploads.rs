@@ -19,7 +19,7 @@
 //! A kill between the steps leaves uploads, or objects that nothing names: the same worker
 //! completes them, somebody renders them again, or `gc` removes them.
 
-use super::{Farm, FarmError, Shared};
+use super::{Farm, FarmError, RenderedImage, RenderedMaterial, Shared};
 use dataset::{Digest, ImageHeader, blob_path, specification::Image};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use imagestore::{
@@ -28,7 +28,7 @@ use imagestore::{
     bucket::{Bucket, UploadUrl},
     validation::{self, Rejection},
 };
-use jobqueue::{Completion, token::Token};
+use jobqueue::token::Token;
 use jobstore::ledger::BlobPlace;
 use std::sync::Arc;
 use tokio::task;
@@ -113,13 +113,13 @@ impl Farm {
         &self,
         objects: &Objects,
         token: Token,
-        completion: &Completion,
-        md5s: &[Option<Md5>],
+        rendered: &RenderedMaterial,
     ) -> Result<Settled, FarmError> {
-        let digests: Vec<Digest> = completion.views.iter().map(|view| view.digest).collect();
+        let images = rendered.images.iter();
+        let digests: Vec<Digest> = images.map(|image| image.view.digest).collect();
         let settling = Exclusive::new(&self.shared, digests.clone())?;
         let known = self.job_store.places(&digests).await?;
-        let claims = self.claims(objects, token, completion, md5s, known)?;
+        let claims = self.claims(objects, token, rendered, known)?;
         let bucket = objects.bucket().clone();
         let settled = objects.bucket().run(async move {
             let settled = claims.into_iter().map(|claim| async move {
@@ -150,17 +150,16 @@ impl Farm {
         &self,
         objects: &Objects,
         token: Token,
-        completion: &Completion,
-        md5s: &[Option<Md5>],
+        rendered: &RenderedMaterial,
         known: Vec<Option<BlobPlace>>,
     ) -> Result<Vec<Claim>, FarmError> {
-        let material = completion.material;
+        let material = rendered.material;
         let headers =
             validation::expected_headers(&self.specification, self.specification_hash, material);
         let lease = lease_name(token);
-        let views = completion.views.iter().zip(md5s).zip(headers).zip(known);
-        views
-            .map(|(((view, md5), header), known)| {
+        let images = rendered.images.iter().zip(headers).zip(known);
+        images
+            .map(|((RenderedImage { view, md5, .. }, header), known)| {
                 if view.bytes > limits::protocol::BLOB_BYTES_MAX {
                     let (bytes, max) = (view.bytes, limits::protocol::BLOB_BYTES_MAX);
                     let reason = format!("an image has {bytes} bytes, more than {max}");

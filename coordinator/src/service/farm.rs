@@ -5,9 +5,8 @@ use super::{
     refusal::{invalid, is_momentary, too_many},
     token, worker,
 };
-use crate::farm::{BroughtImage, Farm, Md5, Outcome};
+use crate::farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial};
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
-use jobqueue::Completion;
 use jobstore::Renewal;
 use std::{sync::Arc, time::Duration};
 use tonic::{Request, Response, Status};
@@ -177,25 +176,16 @@ impl proto::Farm for FarmService {
                 limits::protocol::VIEWS_MAX,
             ));
         }
-        let completion = Completion {
+        let images = message.views.into_iter().map(rendered_image);
+        let rendered = RenderedMaterial {
             material: message.material,
-            views: message
-                .views
-                .iter()
-                .map(completed_view)
-                .collect::<Result<Vec<CompletedView>, Status>>()?,
+            images: images.collect::<Result<_, Status>>()?,
             seconds: message.seconds,
-            worker: String::new(),
         };
-        let md5s = message.views.iter().map(|view| match view.md5.as_slice() {
-            [] => Ok(None),
-            bytes => md5("views.md5", bytes).map(Some),
-        });
-        let md5s = md5s.collect::<Result<Vec<_>, Status>>()?;
-        let brought = images_brought(&completion, message.views)?;
+        check_brought(&rendered)?;
         let span = info_span!("job", material = message.material, lease = %token);
         let outcome = async {
-            let outcome = self.farm.complete(token, completion, brought, &md5s).await;
+            let outcome = self.farm.complete(token, rendered).await;
             let outcome = outcome.map_err(Status::from);
             match &outcome {
                 Ok(Outcome::Recorded) => {}
@@ -249,21 +239,10 @@ fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {
     bytes.try_into().map_err(|_| invalid(field, &reason))
 }
 
-/// The images that a completion brings along.
-fn images_brought(
-    completion: &Completion,
-    views: Vec<proto::View>,
-) -> Result<Vec<BroughtImage>, Status> {
-    let views = completion.views.iter().zip(views);
-    let brought: Vec<BroughtImage> = views
-        .filter(|(_, view)| !view.image.is_empty())
-        .map(|(completed, view)| BroughtImage {
-            digest: completed.digest,
-            bytes: completed.bytes,
-            data: view.image,
-        })
-        .collect();
-    let bytes: u64 = brought.iter().map(|image| image.data.len() as u64).sum();
+/// Images come along only where they are small.
+fn check_brought(rendered: &RenderedMaterial) -> Result<(), Status> {
+    let images = rendered.images.iter();
+    let bytes: u64 = images.map(|image| image.data.len() as u64).sum();
     if bytes > limits::protocol::IMAGES_BROUGHT_BYTES_MAX {
         let reason = format!(
             "a completion brings images of {bytes} bytes along, more than {}: send them with PutBlob",
@@ -271,7 +250,18 @@ fn images_brought(
         );
         return Err(invalid("views.image", &reason));
     }
-    Ok(brought)
+    Ok(())
+}
+
+fn rendered_image(view: proto::View) -> Result<RenderedImage, Status> {
+    Ok(RenderedImage {
+        view: completed_view(&view)?,
+        md5: match view.md5.as_slice() {
+            [] => None,
+            bytes => Some(md5("views.md5", bytes)?),
+        },
+        data: view.image,
+    })
 }
 
 fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {
