@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# The board on PostgreSQL, at length.
+# The job store on PostgreSQL, at length.
 #
 #   tests/postgres.sh model     100,000 and more random operations against the model (an hour)
-#   tests/postgres.sh measure   claims and completions a second with 1, 4 and 16 clients and three
+#   tests/postgres.sh measure   claims and completions a second with 1 to 64 clients, and three
 #                               million jobs; dead tuples and sizes
 #   tests/postgres.sh migrate   a store of 27,000 images copied into a database and back: time, memory
 #
