@@ -13,10 +13,12 @@
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 #![allow(clippy::print_stdout, reason = "the figures are what this run is for")]
 
-#[path = "../datastore/tests/store/cheap_image.rs"]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "others use the rest")]
 mod cheap_image;
+mod memory;
 #[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../process/mod.rs"]
 mod process;
 
 use bytes::Bytes;
@@ -75,6 +77,8 @@ struct Load {
     pause: Duration,
     /// Whether the store stays when all is measured.
     keeps_store: bool,
+    /// At how many completed jobs the coordinator's memory is told.
+    memory_at: &'static [usize],
 }
 
 /// What came of it.
@@ -109,6 +113,7 @@ fn a_few_simulated_workers_share_the_work_fairly() {
         side: 16,
         pause: Duration::ZERO,
         keeps_store: false,
+        memory_at: &[],
     });
 }
 
@@ -122,6 +127,7 @@ fn a_thousand_workers_and_jobs_of_one_small_image() {
         side: 16,
         pause: Duration::ZERO,
         keeps_store: true,
+        memory_at: &[],
     });
     println!(
         "mark: {:.0} jobs/s of {JOBS_PER_SECOND_MIN}, p99 of a lease {:.1} ms of \
@@ -142,6 +148,7 @@ fn a_thousand_workers_and_jobs_as_the_preset_has_them() {
         side: 128,
         pause: Duration::ZERO,
         keeps_store: true,
+        memory_at: &[],
     });
 }
 
@@ -155,12 +162,39 @@ fn a_thousand_workers_that_need_a_second_a_job() {
         side: 16,
         pause: Duration::from_secs(1),
         keeps_store: true,
+        memory_at: &[],
     });
     println!(
         "mark: p99 of a lease {:.1} ms of {LEASE_P99_MAX_MS} at {:.0} jobs/s",
         figures.lease_p99_ms, figures.jobs_per_second
     );
     assert!(figures.lease_p99_ms <= LEASE_P99_MAX_MS);
+}
+
+#[test]
+#[ignore = "a measurement: tests/memory.sh runs it"]
+fn memory_while_thousands_of_materials_of_14_images_are_completed() {
+    memory_over(9_000, 14);
+}
+
+#[test]
+#[ignore = "a measurement: tests/memory.sh runs it"]
+fn memory_while_a_million_materials_of_one_image_are_completed() {
+    memory_over(1_000_000, 1);
+}
+
+fn memory_over(jobs: u32, views: usize) {
+    simulate(&Load {
+        workers: 200,
+        jobs,
+        views,
+        side: 8,
+        pause: Duration::ZERO,
+        keeps_store: true,
+        memory_at: &[
+            600, 2_100, 3_800, 9_000, 30_000, 100_000, 300_000, 600_000, 1_000_000,
+        ],
+    });
 }
 
 fn simulate(load: &Load) -> Figures {
@@ -182,7 +216,10 @@ fn simulate(load: &Load) -> Figures {
     let coordinator = Coordinator::start(folder.path());
 
     let own_before = usage("self").seconds;
-    let (elapsed, seen) = work_all(load, &coordinator.url, &specification, &uploads);
+    let log = folder.path().join("store/completions.log");
+    let (elapsed, seen) = memory::told(&coordinator.process, &log, load.memory_at, || {
+        work_all(load, &coordinator.url, &specification, &uploads)
+    });
     let own = usage("self").seconds - own_before;
     let its = usage(&coordinator.process.id().to_string());
     let metrics = coordinator.metrics();
