@@ -11,9 +11,10 @@ pub fn image(bytes: &[u8]) -> bool {
         let film = film(pixel);
         let inspected = inspect(bytes, &film);
         let decoded = decode(bytes, &film);
+        // Which of an image's faults each names is its own affair.
         assert_eq!(
-            inspected,
-            decoded.clone().map(|decoded| decoded.header),
+            inspected.ok(),
+            decoded.as_ref().ok().map(|decoded| decoded.header.clone()),
             "two readers differ"
         );
         if let Ok(decoded) = decoded {
