@@ -12,6 +12,7 @@ trap 'rm -rf "$TMPDIR"' EXIT
 
 cargo test --release --test throughput memory_while -- --ignored --nocapture --test-threads 1
 brdfarm="${CARGO_TARGET_DIR:-target}/release/brdfarm"
+shopt -s dotglob
 for spec in "$TMPDIR"/*/spec.toml; do
   completed="$(wc -l < "${spec%/*}/store/completions.log")"
   "$brdfarm" run --spec "$spec" --materials "$((completed + 60))" --store "${spec%/*}/store" \
