@@ -6,8 +6,8 @@ use super::{
 };
 
 use deadpool_postgres::{
-    Hook, HookError, Manager, ManagerConfig, Object, Pool, PoolError, RecyclingMethod, Runtime,
-    Transaction,
+    Hook, HookError, Manager, ManagerConfig, Object, Pool, PoolError, QueueMode, RecyclingMethod,
+    Runtime, Transaction,
 };
 use std::{env, error::Error as _, fs, io, path::PathBuf};
 use thiserror::Error;
@@ -143,6 +143,8 @@ impl Database {
         });
         let pool = Pool::builder(Manager::from_config(config, encryption.connector, manager))
             .max_size(limits::DATABASE_CONNECTIONS_MAX)
+            // The one that was used last: its server process has everything at hand.
+            .queue_mode(QueueMode::Lifo)
             .runtime(Runtime::Tokio1)
             .wait_timeout(Some(limits::DATABASE_CONNECT_WAIT))
             .create_timeout(Some(limits::DATABASE_CONNECT_WAIT))

@@ -7,9 +7,10 @@ use super::{
 use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
-const MIGRATIONS: [&str; 2] = [
+const MIGRATIONS: [&str; 3] = [
     include_str!("migrations/0001_jobs.sql"),
     include_str!("migrations/0002_migrating.sql"),
+    include_str!("migrations/0003_compression.sql"),
 ];
 
 /// What a database is about.

@@ -1,8 +1,10 @@
 //! Claims, renewals and completions: those of all who wait, in one short transaction.
 //!
 //! A task takes whatever waits when the transaction before is done, so statements, locks and
-//! commits do not grow with the number of workers. An error belongs to its item: where a
-//! transaction fails over what it was asked, everybody is asked for alone.
+//! commits do not grow with the number of workers. Claims have a task of their own and everything
+//! else has two: one connection is one process of the server, which leaves half of two cores idle.
+//! An error belongs to its item: where a transaction fails over what it was asked, everybody is
+//! asked for alone.
 //!
 //! What may touch more than its own job, a third opinion or the end of a row of failures, is done
 //! by itself, under the exclusive lock.
@@ -29,7 +31,7 @@ use jobqueue::{
     token::{Token, WorkerId},
 };
 use jobstore::{Decision, Delivery, JobStoreError, Leased, Renewal};
-use requests::{Answers, Batch, Questions, Requests};
+use requests::{Answers, Batch, ClaimsWaiting, OthersWaiting, Questions};
 use std::{
     collections::BTreeMap,
     panic::AssertUnwindSafe,
@@ -37,7 +39,7 @@ use std::{
     time::{Duration, Instant},
 };
 use tokio::{
-    sync::{mpsc, oneshot, watch},
+    sync::{Mutex, mpsc, oneshot, watch},
     task,
 };
 
@@ -51,6 +53,9 @@ const HOT: [&str; 7] = [
     include_str!("sql/jobs.sql"),
     include_str!("sql/askers.sql"),
 ];
+
+/// Tasks that record what workers do: while one waits for its commit to be durable, another writes.
+const RECORDERS: usize = 2;
 
 /// Where a completion would stand.
 pub(super) struct StandingOf {
@@ -72,25 +77,24 @@ enum Request {
     Complete(Asked<Delivery, Decision>),
 }
 
-/// The address of the task; it ends with this.
+/// The addresses of the tasks; they end with this.
 pub(super) struct Turns {
     claims: mpsc::UnboundedSender<Asked<Claim, Leased>>,
     others: mpsc::UnboundedSender<Request>,
 }
 
 impl Turns {
-    /// Starts the task. Where it panics `failure` says so.
+    /// Starts the tasks. Where one panics `failure` says so.
     pub fn start(shared: Arc<Shared>, failure: watch::Sender<Option<String>>) -> Self {
         let (claims, claims_waiting) = mpsc::unbounded_channel();
         let (others, others_waiting) = mpsc::unbounded_channel();
-        let requests = Requests::new(claims_waiting, others_waiting);
-        task::spawn(async move {
-            let run = AssertUnwindSafe(run(shared, requests));
-            if run.catch_unwind().await.is_err() {
-                let why = "the task that records what workers do panicked";
-                failure.send_replace(Some(why.to_owned()));
-            }
-        });
+        let claimed = claim_all(Arc::clone(&shared), ClaimsWaiting::new(claims_waiting));
+        spawn(claimed, "claims jobs", failure.clone());
+        let waiting = Arc::new(Mutex::new(OthersWaiting::new(others_waiting)));
+        for _ in 0..RECORDERS {
+            let recorded = record_all(Arc::clone(&shared), Arc::clone(&waiting));
+            spawn(recorded, "records what workers do", failure.clone());
+        }
         Self { claims, others }
     }
 
@@ -135,10 +139,30 @@ async fn ask<Question, Answer, Sent>(
     answered.await.map_err(|_| JobStoreError::Interrupted)?
 }
 
-async fn run(shared: Arc<Shared>, mut requests: Requests) {
-    while let Some(batch) = requests.next(&shared.offered).await {
+fn spawn(
+    task: impl Future<Output = ()> + Send + 'static,
+    does: &'static str,
+    failure: watch::Sender<Option<String>>,
+) {
+    task::spawn(async move {
+        if AssertUnwindSafe(task).catch_unwind().await.is_err() {
+            failure.send_replace(Some(format!("the task that {does} panicked")));
+        }
+    });
+}
+
+async fn claim_all(shared: Arc<Shared>, mut waiting: ClaimsWaiting) {
+    while let Some(batch) = waiting.next(&shared.offered).await {
         let found_work = shared.turn(batch).await;
-        requests.pause_claims(found_work, shared.presence.idle_pause);
+        waiting.pause(found_work, shared.presence.idle_pause);
+    }
+}
+
+async fn record_all(shared: Arc<Shared>, waiting: Arc<Mutex<OthersWaiting>>) {
+    loop {
+        let batch = waiting.lock().await.next().await;
+        let Some(batch) = batch else { return };
+        shared.turn(batch).await;
     }
 }
 

@@ -14,72 +14,55 @@ use tokio::{
 /// that they come along.
 const YIELDS: usize = 32;
 
-/// Everybody who asks.
-pub(super) struct Requests {
-    claims: UnboundedReceiver<Asked<Claim, Leased>>,
-    others: UnboundedReceiver<Request>,
-    // Until then claims wait for each other.
-    claims_from: Instant,
+/// Those who ask for jobs.
+pub(super) struct ClaimsWaiting {
+    waiting: UnboundedReceiver<Asked<Claim, Leased>>,
+    // Until then they wait for each other.
+    from: Instant,
 }
 
-impl Requests {
-    pub fn new(
-        claims: UnboundedReceiver<Asked<Claim, Leased>>,
-        others: UnboundedReceiver<Request>,
-    ) -> Self {
-        Self {
-            claims,
-            others,
-            claims_from: Instant::now(),
-        }
+impl ClaimsWaiting {
+    pub fn new(waiting: UnboundedReceiver<Asked<Claim, Leased>>) -> Self {
+        let from = Instant::now();
+        Self { waiting, from }
     }
 
     /// Has claims wait where there is no work: many idle workers cost as little as one.
-    pub fn pause_claims(&mut self, found_work: bool, pause: Duration) {
+    pub fn pause(&mut self, found_work: bool, pause: Duration) {
         let pause = if found_work { Duration::ZERO } else { pause };
-        self.claims_from = Instant::now() + pause;
+        self.from = Instant::now() + pause;
     }
 
     /// All who wait, as soon as anybody does. `offered` says that there may be work again.
     pub async fn next(&mut self, offered: &Notify) -> Option<Batch> {
-        for _ in 0..YIELDS {
-            yield_now().await;
+        let_run().await;
+        tokio::select! {
+            () = sleep_until(self.from) => {}
+            () = offered.notified() => {}
         }
-        let most = limits::DATABASE_BATCH_MAX;
-        let mut batch = Batch::default();
-        let mut others = Vec::new();
-        let Self {
+        let claims = all(&mut self.waiting).await?;
+        Some(Batch {
             claims,
-            others: others_waiting,
-            claims_from,
-        } = self;
-        let (batched, claims_from) = (&mut batch.claims, *claims_from);
-        let claimed = async {
-            tokio::select! {
-                () = sleep_until(claims_from) => {}
-                () = offered.notified() => {}
-            }
-            claims.recv_many(batched, most).await
-        };
-        let received = tokio::select! {
-            biased;
-            received = others_waiting.recv_many(&mut others, most) => received,
-            received = claimed => received,
-        };
-        if received == 0 {
-            return None;
-        }
-        while others.len() < most
-            && let Ok(request) = self.others.try_recv()
-        {
-            others.push(request);
-        }
-        while batch.claims.len() < most
-            && let Ok(claim) = self.claims.try_recv()
-        {
-            batch.claims.push(claim);
-        }
-        for request in others {
+            ..Batch::default()
+        })
+    }
+}
+
+/// Those who ask for anything else.
+pub(super) struct OthersWaiting {
+    waiting: UnboundedReceiver<Request>,
+}
+
+impl OthersWaiting {
+    pub fn new(waiting: UnboundedReceiver<Request>) -> Self {
+        Self { waiting }
+    }
+
+    /// All who wait, as soon as anybody does.
+    pub async fn next(&mut self) -> Option<Batch> {
+        let_run().await;
+        let mut batch = Batch::default();
+        for request in all(&mut self.waiting).await? {
             match request {
                 Request::Standing(asked) => batch.standings.push(asked),
                 Request::Renew(asked) => batch.renewals.push(asked),
@@ -88,6 +71,21 @@ impl Requests {
         }
         Some(batch)
     }
+}
+
+async fn let_run() {
+    for _ in 0..YIELDS {
+        yield_now().await;
+    }
+}
+
+/// All that wait, one at least, or none where nobody will ask any more.
+async fn all<Waiting>(waiting: &mut UnboundedReceiver<Waiting>) -> Option<Vec<Waiting>> {
+    let mut all = Vec::new();
+    let received = waiting
+        .recv_many(&mut all, limits::DATABASE_BATCH_MAX)
+        .await;
+    (received > 0).then_some(all)
 }
 
 /// What one transaction is asked.
