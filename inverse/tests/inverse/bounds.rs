@@ -27,12 +27,20 @@ const CURVATURE_MAX: f64 = 0.1;
 /// Along the other directions estimates end where ranges do, so they spread less than the bound says.
 const DETERMINED_LEAST: f64 = 0.95;
 
+/// Estimates wander along a direction that the images do not tell until what no other parameter
+/// explains of the images' change is this many standard deviations of the noise.
+const WANDERING_MAX: f64 = 2.0;
+
+/// The shortest way along such a direction that is looked at; each next one is twice as long.
+const WANDERING_LEAST: f64 = 1.0 / 64.0;
+
 /// What refinements of noisy images found of one parameter.
 struct Spread {
     parameter: usize,
     bound: f64,
-    /// See [`Bench::curvature`]; infinite where two standard deviations leave a range, and where
-    /// less than [`DETERMINED_LEAST`] of the bound is of directions that images tell well.
+    /// The larger of [`Bench::curvature`] and [`Bench::dragging`]; infinite where two standard
+    /// deviations leave a range, and where less than [`DETERMINED_LEAST`] of the bound is of
+    /// directions that images tell well.
     curvature: f64,
     /// Over the copies.
     mean: f64,
@@ -86,6 +94,7 @@ impl Bench {
         let derivatives = derivatives.expect("derivatives");
         let tangent = Tangent::new(&derivatives);
         let deviations = self.deviations(truth, copies, seed);
+        let dragging = self.dragging(truth, &tangent);
         let bounded = bounds(&derivatives).into_iter().enumerate();
         bounded
             .filter(|(_, bound)| *bound <= BOUND_MAX)
@@ -98,7 +107,8 @@ impl Bench {
                     parameter,
                     bound,
                     curvature: if determined {
-                        self.curvature(truth, &tangent, parameter)
+                        let curvature = self.curvature(truth, &tangent, parameter);
+                        curvature.max(dragging[parameter])
                     } else {
                         f64::INFINITY
                     },
@@ -140,18 +150,47 @@ impl Bench {
         if !inside(2.0) || !inside(-2.0) {
             return f64::INFINITY;
         }
-        let codes = |sign: f64| -> Vec<f64> {
-            let images = films(&self.renderer, &Theta(at(sign)).material(), &VIEWS);
-            let channels = images.iter().flatten().flatten();
-            channels.map(|&value| Encoding::Srgb.value(value)).collect()
-        };
-        let [below, here, above] = [-1.0, 0.0, 1.0].map(codes);
-        let sides = [(&below, -1.0), (&above, 1.0)].map(|(codes, sign)| {
-            let change = codes.iter().zip(&here).map(|(there, here)| there - here);
-            let shift = tangent.shift(change);
+        let here = self.codes(&theta);
+        let sides = [-1.0, 1.0].map(|sign| {
+            let shift = tangent.shift(&(self.codes(&Theta(at(sign))) - &here));
             (shift[parameter] - sign * sd).abs() / sd
         });
         sides[0].max(sides[1])
+    }
+
+    /// By how many of its standard deviations each parameter shifts at the most while estimates
+    /// wander along directions that the images do not tell to first order. A common factor of the
+    /// colours shifts none. A small anisotropy, of which the third power widens the lobe, goes unseen
+    /// itself and drags the roughness along.
+    fn dragging(&self, truth: &Material, tangent: &Tangent) -> [f64; PARAMETERS] {
+        let theta = Theta::of(truth);
+        let here = self.codes(&theta);
+        let mut most = [0.0_f64; PARAMETERS];
+        for direction in &tangent.untold {
+            for sign in [-1.0, 1.0] {
+                let mut way = WANDERING_LEAST;
+                while way <= 1.0 {
+                    let at = |other| theta.0[other] + sign * way * direction[other];
+                    let change = self.codes(&Theta(std::array::from_fn(at))) - &here;
+                    let shift = tangent.shift(&change);
+                    if (change - &tangent.jacobian * &shift).norm() > WANDERING_MAX * NOISE_SD {
+                        break;
+                    }
+                    for (parameter, most) in most.iter_mut().enumerate() {
+                        *most = most.max(shift[parameter].abs() / tangent.sd(parameter));
+                    }
+                    way *= 2.0;
+                }
+            }
+        }
+        most
+    }
+
+    fn codes(&self, theta: &Theta) -> DVector<f64> {
+        let images = films(&self.renderer, &theta.material(), &VIEWS);
+        let channels = images.iter().flatten().flatten();
+        let codes = channels.map(|&value| Encoding::Srgb.value(value));
+        DVector::from_vec(codes.collect())
     }
 }
 
@@ -170,6 +209,8 @@ struct Tangent {
     /// others, such as a common factor of the colours, estimates wander over ranges, and nothing is
     /// linear.
     covariance: DMatrix<f64>,
+    /// Those other directions, of length 1.
+    untold: Vec<DVector<f64>>,
 }
 
 impl Tangent {
@@ -190,6 +231,7 @@ impl Tangent {
         let jacobian = DMatrix::from_columns(&columns);
         let eigen = SymmetricEigen::new(jacobian.transpose() * &jacobian);
         let mut covariance = DMatrix::zeros(PARAMETERS, PARAMETERS);
+        let mut untold = Vec::new();
         for (value, vector) in eigen
             .eigenvalues
             .iter()
@@ -198,11 +240,14 @@ impl Tangent {
             let variance = NOISE_SD * NOISE_SD / value;
             if variance > 0.0 && variance <= BOUND_MAX * BOUND_MAX {
                 covariance += variance * vector * vector.transpose();
+            } else {
+                untold.push(vector.into_owned());
             }
         }
         Self {
             jacobian,
             covariance,
+            untold,
         }
     }
 
@@ -211,8 +256,7 @@ impl Tangent {
     }
 
     /// The parameters that explain a change of the images best.
-    fn shift(&self, change: impl Iterator<Item = f64>) -> DVector<f64> {
-        let change = DVector::from_iterator(self.jacobian.nrows(), change);
+    fn shift(&self, change: &DVector<f64>) -> DVector<f64> {
         &self.covariance * (self.jacobian.transpose() * change) / (NOISE_SD * NOISE_SD)
     }
 }
