@@ -2,6 +2,7 @@
 
 use crate::evaluate::ReadingName;
 use crate::failure::BadInput;
+use crate::train::model_file;
 use crate::{cores, output};
 use clap::Args;
 use dataset::Material;
@@ -34,8 +35,8 @@ use training::model::Model;
 /// model's specification need neither corners nor gain.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// What `brdfarm train` wrote
-    #[arg(value_name = "MODEL")]
+    /// A model that `brdfarm train` wrote, or the folder that it is in
+    #[arg(value_name = "MODEL", value_parser = model_file())]
     model: PathBuf,
     /// The photograph from the side; in the preset 30 degrees above the horizon
     #[arg(value_name = "OBLIQUE")]

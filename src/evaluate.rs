@@ -1,7 +1,7 @@
 //! `brdfarm evaluate`.
 
 use crate::failure::BadInput;
-use crate::train::two_views;
+use crate::train::{model_file, two_views};
 use crate::{cores, output, progress};
 use clap::{Args, ValueEnum};
 use dataset::{IndexList, Material, Specification, Split};
@@ -34,8 +34,9 @@ const PRESET: &str = "preset";
 /// errors.csv, parameters.csv, errors.svg and report.html.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Models that `brdfarm train` wrote; each is called as its folder
-    #[arg(value_name = "MODEL")]
+    /// Models that `brdfarm train` wrote, or the folders that they are in; each is called as its
+    /// folder
+    #[arg(value_name = "MODEL", value_parser = model_file())]
     models: Vec<PathBuf>,
     /// The export that they were trained on
     #[arg(long, value_name = "EXPORT")]

@@ -1,7 +1,7 @@
 //! `brdfarm train`.
 
 use crate::{cores, progress};
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use dataset::IndexList;
 use export::observability;
@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use training::TrainingError;
 use training::data::{Pairs, Source};
 use training::device::Accelerator;
+use training::fit::checkpoint::MODEL;
 use training::fit::options::{LossWeights, Options as TrainingOptions, Preset, Whiten};
 use training::fit::state::EpochLine;
 use training::fit::{Files, Progress, train};
@@ -122,6 +123,14 @@ where
 {
     PossibleValuesParser::new(names)
         .try_map(|name| serde_json::from_value::<T>(serde_json::Value::String(name)))
+}
+
+/// A parser of the path of a model; a folder stands for the one that a training left in it.
+pub fn model_file() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().map(|path| match path.is_dir() {
+        true => path.join(MODEL),
+        false => path,
+    })
 }
 
 /// Trains.

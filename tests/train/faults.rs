@@ -165,6 +165,8 @@ fn an_evaluation_judges_models_and_baselines() {
     let place = exported();
     place.succeed(&format!("{TRAIN} --variant nested --out nested"));
     let table = place.succeed("evaluate nested/model.safetensors --data pairs --out judged");
+    let same = place.succeed("evaluate nested --data pairs --out judged");
+    assert_eq!(same, table, "a folder is the model that is in it");
     for name in ["guess", "nearest", "nested"] {
         assert!(table.contains(name), "{table}");
     }
