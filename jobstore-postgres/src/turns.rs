@@ -2,7 +2,7 @@
 //!
 //! A task takes whatever waits when the transaction before is done, so statements, locks and
 //! commits do not grow with the number of workers. Claims have a task of their own and everything
-//! else has two: one connection is one process of the server, which leaves half of two cores idle.
+//! else has three: one connection is one process of the server, which leaves half of two cores idle.
 //! An error belongs to its item: where a transaction fails over what it was asked, everybody is
 //! asked for alone.
 //!
@@ -55,7 +55,7 @@ const HOT: [&str; 7] = [
 ];
 
 /// Tasks that record what workers do: while one waits for its commit to be durable, another writes.
-const RECORDERS: usize = 2;
+const RECORDERS: usize = 3;
 
 /// Where a completion would stand.
 pub(super) struct StandingOf {
