@@ -23,6 +23,10 @@ const BOUND_MAX: f64 = 0.05;
 /// this.
 const CURVATURE_MAX: f64 = 0.1;
 
+/// And as linear where [`Bench::dragging`] is below this: by so much to either side at random, a spread
+/// grows by an eighth.
+const DRAGGING_MAX: f64 = 0.5;
+
 /// At least so much of a linear parameter's bound lies in directions that the images determine well.
 /// Along the other directions estimates end where ranges do, so they spread less than the bound says.
 const DETERMINED_LEAST: f64 = 0.95;
@@ -38,10 +42,11 @@ const WANDERING_LEAST: f64 = 1.0 / 64.0;
 struct Spread {
     parameter: usize,
     bound: f64,
-    /// The larger of [`Bench::curvature`] and [`Bench::dragging`]; infinite where two standard
-    /// deviations leave a range, and where less than [`DETERMINED_LEAST`] of the bound is of
-    /// directions that images tell well.
+    /// See [`Bench::curvature`]; infinite where two standard deviations leave a range, and where
+    /// less than [`DETERMINED_LEAST`] of the bound is of directions that images tell well.
     curvature: f64,
+    /// See [`Bench::dragging`].
+    dragging: f64,
     /// Over the copies.
     mean: f64,
     sd: f64,
@@ -49,7 +54,7 @@ struct Spread {
 
 impl Spread {
     fn is_linear(&self) -> bool {
-        self.curvature <= CURVATURE_MAX
+        self.curvature <= CURVATURE_MAX && self.dragging <= DRAGGING_MAX
     }
 
     fn line(&self) -> String {
@@ -57,13 +62,14 @@ impl Spread {
             parameter,
             bound,
             curvature,
+            dragging,
             mean,
             sd,
         } = self;
         let name = NAMES[*parameter];
         format!(
             "{name}: bound {bound:.2e}, spread {sd:.2e}, ratio {:.3}, mean {mean:.1e}, curvature \
-             {curvature:.1e}",
+             {curvature:.1e}, dragging {dragging:.1e}",
             sd / bound
         )
     }
@@ -107,11 +113,11 @@ impl Bench {
                     parameter,
                     bound,
                     curvature: if determined {
-                        let curvature = self.curvature(truth, &tangent, parameter);
-                        curvature.max(dragging[parameter])
+                        self.curvature(truth, &tangent, parameter)
                     } else {
                         f64::INFINITY
                     },
+                    dragging: dragging[parameter],
                     mean,
                     sd: (squares / (copies - 1) as f64).sqrt(),
                 }
