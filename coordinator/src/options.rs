@@ -15,14 +15,14 @@ pub struct Options {
     pub insecure: bool,
     /// Where to serve Prometheus metrics, over plain HTTP and to everybody; nowhere unless asked.
     pub metrics: Option<SocketAddr>,
-    /// The queue's limits.
+    /// The queue's limits, but for those that say who is believed.
     pub policy: Policy,
     /// Room that stays free on the disk of the store's folder, bytes: with less no job is handed out
     /// and no image taken in, and [`limits::DISK_RESERVE_FOR_RECORDS_BYTES`] below it nothing is
     /// recorded, until there is room again.
     pub disk_reserve_bytes: u64,
     /// Of a million completed materials, how many are rendered a second time by another worker, and
-    /// have to come out the same.
+    /// have to come out the same. 0 believes everybody: then newcomers are not looked at, either.
     pub redundant_per_million: u32,
     /// Whether materials that were quarantined get another chance now.
     pub retry_quarantined: bool,
@@ -32,6 +32,24 @@ pub struct Options {
     /// The task that a test has panic.
     #[cfg(test)]
     pub(crate) panics: Option<&'static str>,
+}
+
+impl Options {
+    /// The queue's limits. Credentials tell who is who, so with them newcomers are looked at, and
+    /// everybody's work before the set is finished; a name that anybody can take tells nothing.
+    pub(crate) fn queue_policy(&self) -> Policy {
+        let distrusts = self.security.tokens.is_some() && self.redundant_per_million > 0;
+        let (probation, audits) = if distrusts {
+            (limits::PROBATION, limits::AUDITS)
+        } else {
+            (0, 0)
+        };
+        Policy {
+            probation,
+            audits,
+            ..self.policy
+        }
+    }
 }
 
 impl Default for Options {

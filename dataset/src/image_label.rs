@@ -50,3 +50,85 @@ pub struct ErrorStatistics {
     /// Evaluations of the reflectance model, by the hybrid integrator.
     pub evaluations: u64,
 }
+
+/// The most light paths, or evaluations, of one image. At ten million a second that is a month of
+/// one core.
+pub const WORK_PER_IMAGE_MAX: u64 = 1 << 45;
+
+impl ErrorStatistics {
+    /// That the numbers can be those of an image: not negative, finite, a mean and a percentile below
+    /// the largest, a share between 0 and 1, and work that somebody can have done. Says which is not.
+    pub fn check(&self) -> Result<(), String> {
+        let Self {
+            mean,
+            p95,
+            max,
+            within_target,
+            samples,
+            evaluations,
+        } = *self;
+        for (what, value) in [("mean", mean), ("95th percentile", p95), ("largest", max)] {
+            // A mean of equal numbers may be rounded above them.
+            if !(value >= 0.0 && value <= max * (1.0 + 1e-9)) || !value.is_finite() {
+                return Err(format!(
+                    "an error whose {what} is {value} and whose largest is {max} cannot be"
+                ));
+            }
+        }
+        if !(0.0..=1.0).contains(&within_target) {
+            return Err(format!("{within_target} is no share of the pixels"));
+        }
+        for (what, count) in [("paths", samples), ("evaluations", evaluations)] {
+            if count > WORK_PER_IMAGE_MAX {
+                return Err(format!(
+                    "{count} {what} of one image are more than {WORK_PER_IMAGE_MAX}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn statistics_that_no_image_has_are_refused() {
+        let honest = ErrorStatistics {
+            mean: 1e-4,
+            p95: 2e-4,
+            max: 3e-4,
+            within_target: 0.99,
+            samples: 0,
+            evaluations: 1_000_000,
+        };
+        let exact = ErrorStatistics {
+            mean: 0.0,
+            p95: 0.0,
+            max: 0.0,
+            within_target: 1.0,
+            ..honest
+        };
+        assert_eq!(honest.check(), Ok(()));
+        assert_eq!(exact.check(), Ok(()));
+        let lies: [fn(&mut ErrorStatistics); 11] = [
+            |lie| lie.mean = -1e-9,
+            |lie| lie.mean = 4e-4,
+            |lie| lie.mean = f64::NAN,
+            |lie| lie.p95 = 3.1e-4,
+            |lie| lie.p95 = f64::NAN,
+            |lie| lie.max = f64::INFINITY,
+            |lie| lie.max = f64::NAN,
+            |lie| lie.within_target = 7.0,
+            |lie| lie.within_target = f64::NAN,
+            |lie| lie.samples = u64::MAX,
+            |lie| lie.evaluations = u64::MAX,
+        ];
+        for lie in lies {
+            let mut told = honest;
+            lie(&mut told);
+            assert!(told.check().is_err(), "{told:?}");
+        }
+    }
+}

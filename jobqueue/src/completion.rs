@@ -1,6 +1,7 @@
 //! A completed material: the record that everything else is derived from.
 
-use dataset::{CompletedView, Digest};
+use crate::Fingerprint;
+use dataset::CompletedView;
 use serde::{Deserialize, Serialize};
 
 /// What was reported of a material when it was completed.
@@ -13,19 +14,14 @@ pub struct Completion {
     pub views: Vec<CompletedView>,
     /// Wall-clock time of rendering.
     pub seconds: f64,
-    /// The name of the worker.
+    /// The full name of the worker.
     pub worker: String,
 }
 
 impl Completion {
-    /// The digest of all images' digests: equal exactly when the images are.
-    pub fn fingerprint(&self) -> Digest {
-        let digests: Vec<u8> = self
-            .views
-            .iter()
-            .flat_map(|view| *view.digest.as_bytes())
-            .collect();
-        Digest::of(&digests)
+    /// What it is compared with another rendering by: images and statistics.
+    pub fn fingerprint(&self) -> Fingerprint {
+        Fingerprint::of(&self.views)
     }
 
     /// Bytes of all images; no more than can be counted, whatever a damaged record says.
@@ -50,7 +46,7 @@ impl Completion {
         Self {
             material,
             views: vec![CompletedView {
-                digest: Digest::of(image),
+                digest: dataset::Digest::of(image),
                 bytes: 5,
                 statistics,
             }],

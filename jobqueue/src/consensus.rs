@@ -1,8 +1,10 @@
 //! Completions: whether one counts, and what a second or a third one says of the first.
 
-use super::{BlockCause, Changes, Dispute, Failure, JobState, Queue, RedundantRender};
-use crate::token::Token;
-use dataset::Digest;
+use super::{BlockCause, Changes, Dispute, Failure, Fingerprint, JobState, Queue, RedundantRender};
+use crate::{
+    identity::{self, is_operator},
+    token::Token,
+};
 use std::time::Duration;
 use thiserror::Error;
 
@@ -15,10 +17,10 @@ pub enum Refusal {
     /// The token is not the current lease's.
     #[error("the lease of material {0} is lost: its token is not the current one")]
     LeaseLost(u32),
-    /// Completed before, with other digests.
+    /// Completed before, with other images or statistics.
     #[error(
-        "material {0} was completed before with other digests: one of the two renderers is not \
-         deterministic"
+        "material {0} was completed before with other images or statistics: one of the two renderers \
+         is not deterministic"
     )]
     Conflict(u32),
 }
@@ -46,13 +48,35 @@ pub enum Verdict {
     Agreed,
     /// A second worker rendered something else.
     Disputed,
-    /// A third worker rendered what the first did: the second, named here, is blocked.
+    /// A third worker, or the operator, rendered what the first did: the second, named here, is
+    /// blocked.
     Upheld(String),
-    /// A third worker rendered what the second did: its images are the job's now, and the first,
-    /// named here, is blocked.
+    /// A third worker, or the operator, rendered what the second did: its images are the job's now,
+    /// and the first, named here, is blocked.
     Overturned(String),
+    /// The operator rendered something else than both: its images are the job's now, and both are
+    /// blocked.
+    Ruled([String; 2]),
     /// Three workers rendered three different things: the job is quarantined.
     Undecided,
+}
+
+impl Verdict {
+    /// Whether the images of this completion are the job's now.
+    pub fn records(&self) -> bool {
+        matches!(self, Self::Recorded | Self::Overturned(_) | Self::Ruled(_))
+    }
+
+    /// Who is found to have delivered something wrong.
+    pub fn liars(&self) -> &[String] {
+        match self {
+            Self::Upheld(liar) | Self::Overturned(liar) => std::slice::from_ref(liar),
+            Self::Ruled(liars) => liars,
+            Self::Recorded | Self::Repeated | Self::Agreed | Self::Disputed | Self::Undecided => {
+                &[]
+            }
+        }
+    }
 }
 
 impl Queue {
@@ -61,7 +85,7 @@ impl Queue {
         &self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
     ) -> Result<Standing, Refusal> {
         let state = self.state(material);
         let state = state.ok_or(Refusal::UnknownMaterial(material))?;
@@ -81,7 +105,8 @@ impl Queue {
             RedundantRender::Disputed(dispute) => Some(dispute.fingerprint),
             _ => None,
         };
-        if fingerprint == *kept || Some(fingerprint) == contradicted {
+        let repeats = |known: Fingerprint| known.agrees_with(fingerprint);
+        if repeats(*kept) || contradicted.is_some_and(repeats) {
             Ok(Standing::Repeated)
         } else {
             Err(Refusal::Conflict(material))
@@ -89,13 +114,13 @@ impl Queue {
     }
 
     /// Whether a completion would make its images the job's, as things stand.
-    pub fn would_record(&self, material: u32, token: Token, fingerprint: Digest) -> bool {
+    pub fn would_record(&self, material: u32, token: Token, fingerprint: Fingerprint) -> bool {
         let standing = self.standing(material, token, fingerprint);
         standing == Ok(Standing::Current { records: true })
     }
 
     /// Completes a job, or its second or third rendering. `redundant` asks for a second rendering of
-    /// a first one.
+    /// a first one; one of a newcomer is rendered again in any case.
     ///
     /// Architecture invariant: a completion counts only with the current lease's token. A lease
     /// whose time is over but which nobody has taken back is still current.
@@ -103,7 +128,7 @@ impl Queue {
         &mut self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
         redundant: bool,
         now: Duration,
     ) -> Result<(Verdict, Changes), Refusal> {
@@ -135,29 +160,30 @@ impl Queue {
                 self.second_opinion(material, first, (fingerprint, name), now)
             }
             _ => {
-                let redundant = if redundant {
+                let noted = self.workers.note_first_rendering(&name, &self.policy);
+                let redundant = if redundant || noted.on_probation {
                     RedundantRender::Due
                 } else {
                     RedundantRender::None
                 };
-                let changes = self.completed(material, (fingerprint, name), redundant, now);
+                let mut changes = self.completed(material, (fingerprint, name), redundant, now);
+                changes.workers.extend(noted.change);
                 (Verdict::Recorded, changes)
             }
         };
         changes.extend(decision);
-        let recorded = matches!(verdict, Verdict::Recorded | Verdict::Overturned(_));
-        debug_assert_eq!(records, recorded, "{verdict:?}");
+        debug_assert_eq!(records, verdict.records(), "{verdict:?}");
         Ok((verdict, changes))
     }
 
     fn second_opinion(
         &mut self,
         material: u32,
-        first: (Digest, String),
-        second: (Digest, String),
+        first: (Fingerprint, String),
+        second: (Fingerprint, String),
         now: Duration,
     ) -> (Verdict, Changes) {
-        if first.0 == second.0 {
+        if first.0.agrees_with(second.0) {
             let changes = self.completed(material, first, RedundantRender::Agreed, now);
             return (Verdict::Agreed, changes);
         }
@@ -173,45 +199,61 @@ impl Queue {
     fn third_opinion(
         &mut self,
         material: u32,
-        first: (Digest, String),
+        first: (Fingerprint, String),
         second: Dispute,
-        third: (Digest, String),
+        third: (Fingerprint, String),
         now: Duration,
     ) -> (Verdict, Changes) {
-        let (truth, liar, verdict) = if third.0 == first.0 {
-            let liar = second.worker;
-            (first, liar.clone(), Verdict::Upheld(liar))
-        } else if third.0 == second.fingerprint {
-            let liar = first.1;
-            (third, liar.clone(), Verdict::Overturned(liar))
+        let (truth, verdict) = if third.0.agrees_with(first.0) {
+            (first, Verdict::Upheld(second.worker))
+        } else if third.0.agrees_with(second.fingerprint) {
+            (third, Verdict::Overturned(first.1))
+        } else if is_operator(&third.1) {
+            (third, Verdict::Ruled([first.1, second.worker]))
         } else {
-            let error = format!(
-                "{}, {} and {} rendered three different sets of images",
-                first.1, second.worker, third.1
-            );
-            let failure = Failure {
-                worker: third.1,
-                error,
-            };
-            self.jobs[material].failures.push(failure);
-            let mut changes = Changes::default();
-            let change = self.transition(material, JobState::Quarantined, now);
-            changes.jobs.push(change);
-            changes.retracted.push(material);
-            return (Verdict::Undecided, changes);
+            return self.undecided(material, [first.1, second.worker, third.1], now);
+        };
+        let by = if is_operator(&truth.1) || matches!(verdict, Verdict::Ruled(_)) {
+            "the operator rendered"
+        } else {
+            "two others rendered"
         };
         let mut changes = self.completed(material, truth, RedundantRender::Agreed, now);
-        let reason = format!(
-            "two other workers rendered material {material} to the same images, and it to others"
-        );
-        changes.extend(self.block(&liar, BlockCause::Disagreement, reason, now));
+        for liar in verdict.liars() {
+            let reason = format!(
+                "{by} material {material} to the same images and statistics, and {liar} to others"
+            );
+            let liar = identity::identity(liar);
+            changes.extend(self.block(liar, BlockCause::Disagreement, reason, now));
+        }
         (verdict, changes)
     }
 
-    fn completed(
+    /// Three workers rendered three different things: the renderer is to blame, or a liar.
+    fn undecided(
         &mut self,
         material: u32,
-        (fingerprint, worker): (Digest, String),
+        [first, second, third]: [String; 3],
+        now: Duration,
+    ) -> (Verdict, Changes) {
+        let error =
+            format!("{first}, {second} and {third} rendered three different sets of images");
+        let failure = Failure {
+            worker: third,
+            error,
+        };
+        self.jobs[material].failures.push(failure);
+        let mut changes = Changes::default();
+        let change = self.transition(material, JobState::Quarantined, now);
+        changes.jobs.push(change);
+        changes.retracted.push(material);
+        (Verdict::Undecided, changes)
+    }
+
+    pub(super) fn completed(
+        &mut self,
+        material: u32,
+        (fingerprint, worker): (Fingerprint, String),
         redundant: RedundantRender,
         now: Duration,
     ) -> Changes {
@@ -227,13 +269,18 @@ impl Queue {
 }
 
 /// Whether a completion of a job in this state makes its images the job's.
-fn takes_images(state: &JobState, fingerprint: Digest) -> bool {
+fn takes_images(state: &JobState, fingerprint: Fingerprint) -> bool {
     match state {
         JobState::Completed {
             fingerprint: first,
             redundant: RedundantRender::Disputed(second),
             ..
-        } => fingerprint == second.fingerprint && fingerprint != *first,
+        } => {
+            let rules = second.holder.as_ref();
+            let rules = rules.is_some_and(|holder| is_operator(&holder.name));
+            let agrees = fingerprint.agrees_with(second.fingerprint);
+            (agrees || rules) && !fingerprint.agrees_with(*first)
+        }
         JobState::Completed { .. } => false,
         _ => true,
     }

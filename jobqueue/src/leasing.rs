@@ -4,7 +4,10 @@ use super::{
     BlockCause, Changes, Dispute, Failure, Holder, JobState, Mode, Policy, Queue, RedundantRender,
     Refusal,
 };
-use crate::token::{Token, WorkerId};
+use crate::{
+    identity::{identity, is_operator},
+    token::{Token, WorkerId},
+};
 use std::time::Duration;
 
 /// The times of a lease, on the clock that transitions are told.
@@ -45,8 +48,9 @@ impl Queue {
     /// Leases jobs to `worker`, one for each of `tokens` while there are jobs for it and it has
     /// room. Jobs come in the order of the tokens.
     ///
-    /// Disputes go first and redundant renders next, so that a worker that lies is found early. A
-    /// job goes back to a worker that failed it only when nobody else is there to try.
+    /// Disputes go first and redundant renders next, so that a worker that lies is found early; the
+    /// operator gets disputes and nothing else. A job goes back to a worker that failed it only when
+    /// nobody else is there to try.
     pub fn claim(&mut self, worker: WorkerId, tokens: &[Token], now: Duration) -> Changes {
         let mut changes = Changes::default();
         let Some(name) = self.workers.name(worker).map(str::to_owned) else {
@@ -168,6 +172,9 @@ impl Queue {
     fn claimable(&self, name: &str, count: usize) -> Vec<u32> {
         let decision = self.disputed.iter().chain(&self.redundant_due).copied();
         let decision = decision.filter(|material| self.may_rerender(name, *material));
+        if is_operator(name) {
+            return decision.take(count).collect();
+        }
         let fresh = self.pending.iter().map(|(_, material)| *material);
         let fresh = fresh.filter(|material| !self.jobs[*material].failed_on(name));
         let mut materials: Vec<u32> = decision.chain(fresh).take(count).collect();
@@ -175,14 +182,15 @@ impl Queue {
             let again = self.pending.iter().map(|(_, material)| *material);
             let again = again.filter(|material| {
                 let job = &self.jobs[*material];
-                job.failed_on(name) && self.workers.able().all(|other| job.failed_on(other))
+                job.failed_on(name) && self.renderers().all(|other| job.failed_on(other))
             });
             materials.extend(again.take(count - materials.len()));
         }
         materials
     }
 
-    /// Whether a worker of this name can say something new of a completed job.
+    /// Whether a worker of this name can say something new of a completed job: one opinion for each
+    /// identity, and the operator's on disputes.
     pub(super) fn may_rerender(&self, name: &str, material: u32) -> bool {
         let job = &self.jobs[material];
         let JobState::Completed {
@@ -191,14 +199,20 @@ impl Queue {
         else {
             return false;
         };
+        let asked = identity(name);
         let other = match redundant {
-            RedundantRender::Due => true,
+            RedundantRender::Due => !is_operator(name),
             RedundantRender::Disputed(dispute) => {
-                dispute.holder.is_none() && dispute.worker != name
+                dispute.holder.is_none() && identity(&dispute.worker) != asked
             }
             RedundantRender::None | RedundantRender::Leased(_) | RedundantRender::Agreed => false,
         };
-        other && worker != name && !job.failed_on(name)
+        other && identity(worker) != asked && !job.failed_on(name)
+    }
+
+    /// Names of those who are there to render jobs.
+    fn renderers(&self) -> impl Iterator<Item = &str> {
+        self.workers.able().filter(|name| !is_operator(name))
     }
 
     /// Takes a lease back after a failure or a silence.

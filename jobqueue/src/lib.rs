@@ -19,8 +19,11 @@
 //! Invariant: a lease ends for its holder only by a transition that also takes its token, so at
 //! any time at most one token can complete a job, and a token once taken never can again.
 
+mod audit;
 mod completion;
 mod consensus;
+mod fingerprint;
+pub mod identity;
 mod leasing;
 mod operating;
 mod policy;
@@ -32,6 +35,7 @@ mod workers;
 
 pub use completion::Completion;
 pub use consensus::{Refusal, Standing, Verdict};
+pub use fingerprint::Fingerprint;
 pub use leasing::{Lease, LostLease, unleased};
 pub use policy::Policy;
 pub use record::{
@@ -40,7 +44,7 @@ pub use record::{
 };
 pub use selection::{Selection, Stage};
 
-use crate::token::WorkerId;
+use crate::{identity::is_operator, token::WorkerId};
 use records::Records;
 use std::{
     cmp::Reverse,
@@ -197,17 +201,23 @@ impl Queue {
         }
     }
 
-    /// Whether nothing is left to do, now or later. A second rendering that nobody present can do
-    /// is not waited for; a dispute is.
+    /// Whether nothing is left to do, now or later. A second or third rendering that nobody present
+    /// can do is not waited for: what is disputed then waits for the operator.
     pub fn is_finished(&self) -> bool {
+        let mut decisions = self.disputed.iter().chain(&self.redundant_due);
         self.pending.is_empty()
             && self.leases.is_empty()
-            && self.disputed.is_empty()
-            && !self.redundant_due.iter().any(|material| {
-                self.workers
-                    .able()
-                    .any(|name| self.may_rerender(name, *material))
+            && !decisions.any(|material| {
+                let mut able = self.workers.able();
+                able.any(|name| self.may_rerender(name, *material))
             })
+            && self.workers.audits_due().next().is_none()
+    }
+
+    /// Whether a worker of this name has nothing more to do: the operator is only there for what is
+    /// disputed.
+    pub fn is_finished_for(&self, name: &str) -> bool {
+        self.is_finished() || (is_operator(name) && self.disputed.is_empty())
     }
 
     /// Whether work is handed out.
@@ -235,7 +245,7 @@ impl Queue {
         Some(self.lease(material)?.views_done)
     }
 
-    /// Why a worker of this name gets no work, if it is blocked.
+    /// Why a worker of this full name gets no work, if it or its identity is blocked.
     pub fn block_of(&self, name: &str) -> Option<&Block> {
         self.workers.block(name)
     }

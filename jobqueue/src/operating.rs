@@ -2,7 +2,7 @@
 
 use super::{
     Block, BlockCause, Changes, JobChange, JobRecord, JobState, Mode, Queue, RedundantRender,
-    WorkerChange,
+    WorkerChange, identity::means,
 };
 use std::time::Duration;
 
@@ -63,8 +63,9 @@ impl Queue {
         }
     }
 
-    /// Gives a worker no more work and takes back what it holds. Of one that delivered wrong
-    /// images, everything that nobody else has rendered the same goes back to the queue.
+    /// Gives a worker, or everybody whom an [identity](crate::identity) answers for, no more work and
+    /// takes back what they hold. Of an identity that delivered something wrong, everything that
+    /// nobody else has rendered the same goes back to the queue.
     pub fn block(
         &mut self,
         name: &str,
@@ -81,7 +82,7 @@ impl Queue {
         let held = self.leases.keys().copied();
         let held = held.filter(|material| {
             let holder = self.holder(*material);
-            holder.is_some_and(|holder| holder.name == name)
+            holder.is_some_and(|holder| means(name, &holder.name))
         });
         let held: Vec<u32> = held.collect();
         changes.extend(self.hand_back(held, now));
@@ -96,7 +97,7 @@ impl Queue {
         self.workers.lift_block(name)
     }
 
-    /// Takes from the set what only this worker vouches for.
+    /// Takes from the set what only this worker or identity vouches for.
     fn disown(&mut self, name: &str, now: Duration) -> Changes {
         let mut changes = Changes::default();
         let materials: Vec<u32> = self.jobs.from(0).map(|(material, _)| material).collect();
@@ -111,12 +112,12 @@ impl Queue {
             };
             let state = match redundant {
                 RedundantRender::Agreed => continue,
-                _ if worker == name => {
+                _ if means(name, &worker) => {
                     changes.retracted.push(material);
                     JobState::Pending
                 }
                 // Its contradiction counts for nothing; somebody else has to look.
-                RedundantRender::Disputed(dispute) if dispute.worker == name => {
+                RedundantRender::Disputed(dispute) if means(name, &dispute.worker) => {
                     JobState::Completed {
                         fingerprint,
                         worker,

@@ -23,6 +23,12 @@ pub struct Policy {
     pub jobs_failed_max: u32,
     /// How long it then is.
     pub block: Duration,
+    /// The first completions of an identity that another has to render again, whatever the draw
+    /// says: those of a newcomer. 0 where nothing tells who is who.
+    pub probation: u32,
+    /// Completions of each identity that are drawn when no other work is left, for another to render
+    /// again: a liar that waited until it was trusted is found before the set is finished.
+    pub audits: u32,
 }
 
 impl Default for Policy {
@@ -37,6 +43,8 @@ impl Default for Policy {
             leases_per_worker_max: limits::protocol::LEASES_PER_WORKER_MAX,
             jobs_failed_max: limits::JOBS_FAILED_MAX,
             block: limits::BLOCK,
+            probation: 0,
+            audits: 0,
         }
     }
 }

@@ -1,7 +1,9 @@
 //! What of the queue outlives the process.
 
-use crate::token::{Token, WorkerId};
-use dataset::Digest;
+use crate::{
+    Fingerprint,
+    token::{Token, WorkerId},
+};
 use serde::{Deserialize, Serialize};
 
 /// Who holds a lease.
@@ -27,8 +29,8 @@ pub enum JobState {
     Leased(Holder),
     /// Done.
     Completed {
-        /// The digest of all its images' digests, which tells a repeated completion from another.
-        fingerprint: Digest,
+        /// Tells a repeated completion from another.
+        fingerprint: Fingerprint,
         /// The name of the worker whose images they are.
         worker: String,
         /// Whether somebody else has rendered the same.
@@ -60,12 +62,12 @@ pub enum RedundantRender {
     Disputed(Dispute),
 }
 
-/// Two workers that rendered the same job to different images.
+/// Two workers that delivered different images, or different statistics, of the same job.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Dispute {
-    /// What the second worker's images hash to.
-    pub fingerprint: Digest,
+    /// What the second worker delivered.
+    pub fingerprint: Fingerprint,
     /// The second worker's name.
     pub worker: String,
     /// The third, if one is at it.
@@ -132,7 +134,8 @@ pub struct WorkerFailure {
     pub error: String,
 }
 
-/// A worker's history as the ledger keeps it, by name. A worker without a record has none.
+/// The history of a worker, by its full name, or of an [identity](crate::identity), as the ledger
+/// keeps it. Who has no record has no history.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WorkerRecord {
@@ -149,6 +152,13 @@ pub struct WorkerRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(rename = "bar")]
     pub block: Option<Block>,
+    /// Of an identity: how many of its completions were sent to another because it was on probation.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub probation: u32,
+    /// Of an identity: some of its completions are still to be drawn for an audit. Work that was
+    /// audited and has grown since is audited again.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub audit_due: bool,
 }
 
 /// Whether work is handed out.
@@ -188,7 +198,7 @@ pub struct WorkerChange {
 pub struct Changes {
     /// Jobs.
     pub jobs: Vec<JobChange>,
-    /// Workers.
+    /// Workers, and identities.
     pub workers: Vec<WorkerChange>,
     /// The mode.
     pub mode: Option<Mode>,
@@ -223,7 +233,7 @@ impl RedundantRender {
 }
 
 impl JobRecord {
-    /// Whether a worker of this name has failed the job.
+    /// Whether a worker of this full name has failed the job.
     pub fn failed_on(&self, name: &str) -> bool {
         self.failures.iter().any(|failure| failure.worker == name)
     }

@@ -1,14 +1,28 @@
 //! The workers as the queue sees them: who is present, who failed how often, who is blocked.
 //!
-//! A worker is known by its name. Several processes may share one; then they share its failures
-//! and its block.
+//! A worker is known by its full name. Several processes may share one; then they share its failures
+//! and its block. An [identity] has a record of its own, under its own name; its block is that of all
+//! whom it answers for.
 
-use super::record::{Block, BlockCause, WorkerChange, WorkerFailure, WorkerRecord};
-use crate::token::WorkerId;
+use super::{
+    Policy,
+    record::{Block, BlockCause, WorkerChange, WorkerFailure, WorkerRecord},
+};
+use crate::{
+    identity::{credential, identity, is_operator},
+    token::WorkerId,
+};
 use std::{
     collections::{BTreeMap, HashMap},
     time::Duration,
 };
+
+/// What is noted when a worker is the first to render a job.
+pub(super) struct FirstRendering {
+    /// Another has to render it again.
+    pub on_probation: bool,
+    pub change: Option<WorkerChange>,
+}
 
 /// Everything known of workers.
 #[derive(Clone, Debug, Default)]
@@ -51,14 +65,51 @@ impl Workers {
         sessions.map(|(worker, name)| (*worker, name.as_str()))
     }
 
+    /// The block of a worker or of its identity.
     pub fn block(&self, name: &str) -> Option<&Block> {
-        self.records.get(name)?.block.as_ref()
+        let block = |name: &str| self.records.get(name)?.block.as_ref();
+        block(name).or_else(|| block(identity(name)))
     }
 
     /// Names of workers that are there and not blocked.
     pub fn able(&self) -> impl Iterator<Item = &str> {
         let names = self.present.keys().map(String::as_str);
         names.filter(|name| self.block(name).is_none())
+    }
+
+    /// Identities whose work is to be audited and that somebody else who is there can say something
+    /// about.
+    pub fn audits_due(&self) -> impl Iterator<Item = &str> {
+        let due = self.records.iter().filter(|(_, record)| record.audit_due);
+        let due = due.filter(|(name, _)| self.block(name).is_none());
+        due.map(|(name, _)| name.as_str()).filter(|name| {
+            let mut others = self.able().filter(|other| !is_operator(other));
+            others.any(|other| identity(other) != *name)
+        })
+    }
+
+    /// Notes that the completions to be audited of an identity are drawn.
+    pub fn note_audit(&mut self, identity: &str) -> WorkerChange {
+        let mut record = self.record(identity);
+        record.audit_due = false;
+        self.keep(identity, record)
+    }
+
+    /// Notes the first rendering of a job by a worker of this name.
+    pub fn note_first_rendering(&mut self, name: &str, policy: &Policy) -> FirstRendering {
+        let identity = identity(name);
+        let before = self.record(identity);
+        let mut record = before.clone();
+        let on_probation = record.probation < policy.probation;
+        if on_probation {
+            record.probation += 1;
+        }
+        record.audit_due = policy.audits > 0;
+        let change = (record != before).then(|| self.keep(identity, record));
+        FirstRendering {
+            on_probation,
+            change,
+        }
     }
 
     pub fn records(&self) -> impl Iterator<Item = (&str, &WorkerRecord)> {
@@ -121,8 +172,12 @@ impl Workers {
     /// Lifts a worker's block and ends its row of failures, if it is blocked.
     pub fn lift_block(&mut self, name: &str) -> Option<WorkerChange> {
         let mut record = self.records.get(name)?.clone();
-        record.block.take()?;
+        let block = record.block.take()?;
         record.failures_in_a_row.clear();
+        if block.cause == BlockCause::Disagreement {
+            // Trust is earned anew.
+            record.probation = 0;
+        }
         Some(self.keep(name, record))
     }
 
@@ -158,10 +213,12 @@ impl Workers {
         } else {
             self.block_ends.remove(&name);
         }
-        // Names come from outside: beyond the limit only blocks are remembered.
+        // Names come from outside: beyond the limit only blocks are remembered, and credentials, which
+        // do not.
         let known = self.records.contains_key(&name);
         let room = self.records.len() < limits::WORKER_RECORDS_MAX;
-        if !known && !room && record.block.is_none() {
+        let is_credential = credential(&name).is_some() && identity(&name) == name;
+        if !known && !room && record.block.is_none() && !is_credential {
             let record = WorkerRecord::default();
             return WorkerChange { name, record };
         }

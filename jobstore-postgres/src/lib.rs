@@ -53,7 +53,7 @@ pub use schema::Identity;
 
 use dataset::Digest;
 use jobqueue::{
-    BlockCause, Changes, Mode, Policy, Selection, Standing, WorkerChange,
+    BlockCause, Changes, Fingerprint, Mode, Policy, Selection, Standing, WorkerChange,
     token::{Token, WorkerId},
 };
 use jobstore::{
@@ -198,7 +198,7 @@ impl JobStore for PostgresJobStore {
         &self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
     ) -> Result<Standing, JobStoreError> {
         self.turns.standing(material, token, fingerprint).await
     }
@@ -226,6 +226,10 @@ impl JobStore for PostgresJobStore {
 
     async fn expire(&self) -> Result<Expired, JobStoreError> {
         self.shared.expire().await
+    }
+
+    async fn draw_audits(&self, seed: u64) -> Result<Changes, JobStoreError> {
+        self.shared.draw_audits(seed).await
     }
 
     async fn order(

@@ -9,6 +9,7 @@ use futures_util::try_join;
 use jobqueue::{
     BlockCause, Changes, Completion, Holder, JobRecord, JobState, Lease, Mode, Policy, Queue,
     RedundantRender, Stage, WorkerChange, WorkerRecord,
+    identity::identity,
     token::{Token, WorkerId},
 };
 use jobstore::JobStoreError;
@@ -156,7 +157,7 @@ impl LockedJobs {
         Ok(rows.leases)
     }
 
-    /// Adds the histories of workers. Only for who runs alone.
+    /// Adds the histories of workers and of whoever answers for them. Only for who runs alone.
     pub async fn add_workers(
         &mut self,
         transaction: &Transaction<'_>,
@@ -174,8 +175,8 @@ impl LockedJobs {
         Ok(())
     }
 
-    /// Adds all jobs that workers of these names hold, and where `vouched` those that they vouch
-    /// for or contradict. Only for who runs alone.
+    /// Adds all jobs that workers of these full names or identities hold, and where `vouched` those
+    /// that these identities vouch for or contradict. Only for who runs alone.
     pub async fn add_all_of(
         &mut self,
         transaction: &Transaction<'_>,
@@ -290,6 +291,9 @@ impl LockedJobs {
             ends.flatten().map(ms)
         });
         let ends: Vec<Option<i64>> = ends.collect();
+        let audits: Vec<bool> = kept.iter().map(|(_, record)| record.audit_due).collect();
+        let probation = kept.iter().map(|(_, record)| i64::from(record.probation));
+        let probation: Vec<i64> = probation.collect();
         let records = kept.iter().map(|(_, record)| text(record));
         let records = records.collect::<Result<Vec<String>, Fault>>()?;
         execute(
@@ -302,6 +306,8 @@ impl LockedJobs {
                 &ends,
                 &records,
                 &(limits::WORKER_RECORDS_MAX as i64),
+                &audits,
+                &probation,
             ],
         )
         .await?;
@@ -486,12 +492,12 @@ async fn write_jobs(
                 RedundantRender::Agreed => (false, None, None),
                 RedundantRender::Disputed(dispute) => (
                     dispute.holder.is_none(),
-                    Some(worker.as_str()),
-                    Some(dispute.worker.as_str()),
+                    Some(identity(worker)),
+                    Some(identity(&dispute.worker)),
                 ),
                 redundant => (
                     *redundant == RedundantRender::Due,
-                    Some(worker.as_str()),
+                    Some(identity(worker)),
                     None,
                 ),
             },

@@ -145,6 +145,29 @@ impl Shared {
         Ok(all)
     }
 
+    /// Draws what is to be audited, where no job waits or is under way.
+    pub async fn draw_audits(&self, seed: u64) -> Result<Changes, JobStoreError> {
+        let seed = seed as i64;
+        let count = i64::from(self.policy.audits);
+        exclusively!(self, |transaction, locked| {
+            let due = query(transaction, include_str!("sql/audits_due.sql"), &[]).await?;
+            let due: Vec<String> = due.iter().map(|row| row.get(0)).collect();
+            let names: Vec<&str> = due.iter().map(String::as_str).collect();
+            locked.add_workers(transaction, &names).await?;
+            let mut changes = Changes::default();
+            for by in &due {
+                let statement = include_str!("sql/drawn.sql");
+                let drawn = query(transaction, statement, &[by, &seed, &count]).await?;
+                let drawn: Vec<i64> = drawn.iter().map(|row| row.get(0)).collect();
+                locked.lock_jobs(transaction, &drawn).await?;
+                let drawn = drawn.iter().map(|material| number(*material));
+                let drawn = drawn.collect::<Result<Vec<u32>, Fault>>()?;
+                changes.extend(locked.queue.audit(by, &drawn, locked.now));
+            }
+            (changes.clone(), changes)
+        })
+    }
+
     pub async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError> {
         let changes = exclusively!(self, |_transaction, locked| {
             let changes = locked.queue.set_mode(mode);

@@ -7,10 +7,11 @@ use super::{
 use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
-const MIGRATIONS: [&str; 3] = [
+const MIGRATIONS: [&str; 4] = [
     include_str!("migrations/0001_jobs.sql"),
     include_str!("migrations/0002_migrating.sql"),
     include_str!("migrations/0003_compression.sql"),
+    include_str!("migrations/0004_identity.sql"),
 ];
 
 /// What a database is about.

@@ -23,11 +23,10 @@ use super::{
 use claims::Claim;
 pub(super) use claims::is_finished;
 use completions::Completing;
-use dataset::Digest;
 use deadpool_postgres::Transaction;
 use futures_util::{FutureExt, try_join};
 use jobqueue::{
-    Completion, Mode, Queue, Standing,
+    Completion, Fingerprint, Mode, Queue, Standing,
     token::{Token, WorkerId},
 };
 use jobstore::{Decision, Delivery, JobStoreError, Leased, Renewal};
@@ -61,7 +60,7 @@ const RECORDERS: usize = 3;
 pub(super) struct StandingOf {
     material: u32,
     token: Token,
-    fingerprint: Digest,
+    fingerprint: Fingerprint,
 }
 
 /// A question, and who waits for the answer.
@@ -102,7 +101,7 @@ impl Turns {
         &self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
     ) -> Result<Standing, JobStoreError> {
         let question = StandingOf {
             material,
@@ -220,7 +219,7 @@ impl Shared {
             lock(&transaction, LockMode::Shared),
             Counts::read(&transaction),
             lock_rows(&transaction, &materials, &renewed),
-            completions::failing(&transaction, &materials),
+            completions::failing(&transaction, &materials, &self.policy),
             self.standings(&transaction, &questions.standings),
             claims::askers(&transaction, &questions.claims),
         )?;

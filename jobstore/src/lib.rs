@@ -43,8 +43,8 @@ use crate::ledger::{BlobPlace, LedgerError};
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
-    BlockCause, Changes, Completion, Counts, Holder, JobRecord, LostLease, Mode, Refusal,
-    Selection, Standing, Verdict, WorkerChange, WorkerRecord,
+    BlockCause, Changes, Completion, Counts, Fingerprint, Holder, JobRecord, LostLease, Mode,
+    Refusal, Selection, Standing, Verdict, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
 use std::time::Duration;
@@ -202,7 +202,7 @@ pub struct Session {
 /// The jobs of one dataset, and what the farm does to them.
 #[async_trait::async_trait]
 pub trait JobStore: Send + Sync {
-    /// Notes that a worker is there, under this name; it can claim jobs from now on.
+    /// Notes that a worker is there, under this full name; it can claim jobs from now on.
     async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError>;
 
     /// The name of a worker that is there.
@@ -223,7 +223,7 @@ pub trait JobStore: Send + Sync {
         &self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
     ) -> Result<Standing, JobStoreError>;
 
     /// Completes a job, or its second or third rendering. Refuses what would record a staged image
@@ -243,6 +243,10 @@ pub trait JobStore: Send + Sync {
     /// Takes back every lease whose time is over, and lifts blocks whose time is.
     async fn expire(&self) -> Result<Expired, JobStoreError>;
 
+    /// Where no job waits or is under way: draws completions of each identity whose work is to be
+    /// audited, for others to render again. `seed` is random.
+    async fn draw_audits(&self, seed: u64) -> Result<Changes, JobStoreError>;
+
     /// Does one thing to the jobs of a selection that it can be done to.
     async fn order(
         &self,
@@ -253,7 +257,8 @@ pub trait JobStore: Send + Sync {
     /// Hands work out or not.
     async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError>;
 
-    /// Gives workers of this name no more work and takes back what they hold.
+    /// Gives the worker of this full name, or everybody whom this identity answers for, no more work
+    /// and takes back what they hold.
     async fn block(
         &self,
         name: &str,
@@ -261,7 +266,7 @@ pub trait JobStore: Send + Sync {
         reason: String,
     ) -> Result<Changes, JobStoreError>;
 
-    /// Lets workers of this name work again, if they are blocked.
+    /// Lets the worker of this full name, or those of this identity, work again, if it is blocked.
     async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError>;
 
     /// The first `jobs_max` jobs of a selection from a material on.

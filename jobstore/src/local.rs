@@ -18,7 +18,7 @@ use crate::{
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
-    BlockCause, Changes, Mode, Queue, Selection, Standing, Verdict, WorkerChange,
+    BlockCause, Changes, Fingerprint, Mode, Queue, Selection, Standing, WorkerChange,
     token::{Token, WorkerId},
 };
 use std::{
@@ -186,9 +186,12 @@ impl JobStore for LocalJobStore {
         self.context.blobs.room().for_records()?;
         let (leased, pending) = {
             let mut queue = self.lock();
-            let finished = queue.is_finished();
-            let draining = queue.mode() == Mode::Draining;
             let name = queue.name(worker).map(str::to_owned);
+            let finished = match &name {
+                Some(name) => queue.is_finished_for(name),
+                None => queue.is_finished(),
+            };
+            let draining = queue.mode() == Mode::Draining;
             if finished || draining {
                 return Ok(Leased {
                     name,
@@ -233,7 +236,7 @@ impl JobStore for LocalJobStore {
         &self,
         material: u32,
         token: Token,
-        fingerprint: Digest,
+        fingerprint: Fingerprint,
     ) -> Result<Standing, JobStoreError> {
         Ok(self.lock().standing(material, token, fingerprint)?)
     }
@@ -262,7 +265,8 @@ impl JobStore for LocalJobStore {
                 changes: changes.clone(),
                 ..Transition::default()
             };
-            if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder)
+            if verdict.records()
+                && let Some(holder) = &holder
             {
                 self.context.note_recorded(&completion);
                 completion.worker.clone_from(&holder.name);
@@ -348,6 +352,20 @@ impl JobStore for LocalJobStore {
             pending.durable().await?;
         }
         Ok(expired)
+    }
+
+    async fn draw_audits(&self, seed: u64) -> Result<Changes, JobStoreError> {
+        let (changes, pending) = {
+            let mut queue = self.lock();
+            let changes = queue.draw_audits(seed, self.now());
+            let pending = self.submit(&changes);
+            self.after(&queue, &changes);
+            (changes, pending)
+        };
+        if let Some(pending) = pending {
+            pending.durable().await?;
+        }
+        Ok(changes)
     }
 
     async fn order(

@@ -120,8 +120,8 @@ impl Farm {
         if let Some(settled) = uploads {
             settled.clear();
         }
-        if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) =
-            (&decision.verdict, &decision.holder)
+        if decision.verdict.records()
+            && let Some(holder) = &decision.holder
         {
             self.metrics.note_completion(bytes, seconds);
             let mut state = self.shared.lock();
@@ -196,12 +196,17 @@ impl Farm {
             Verdict::Recorded => (EventKind::Completed, String::new()),
             Verdict::Agreed => (EventKind::RedundantAgreed, String::new()),
             Verdict::Disputed => {
-                let text = "its images are not those delivered before: a third worker decides";
+                let text = "its images or statistics are not those delivered before: a third worker, or \
+                            the operator, decides";
                 (EventKind::Disputed, text.to_owned())
             }
-            Verdict::Upheld(liar) | Verdict::Overturned(liar) => {
+            verdict @ (Verdict::Upheld(_) | Verdict::Overturned(_) | Verdict::Ruled(_)) => {
                 let again = decision.changes.retracted.len();
-                let text = format!("{liar} was wrong; {again} of its materials are rendered again");
+                let text = format!(
+                    "{} delivered wrong images or statistics; {again} of its materials are rendered \
+                     again",
+                    verdict.liars().join(" and ")
+                );
                 (EventKind::Settled, text)
             }
             Verdict::Undecided => {
@@ -224,20 +229,16 @@ impl Farm {
                 "a material has {expected} views, and {found} were reported"
             )));
         }
-        let mut numbers = completion.views.iter().flat_map(|view| {
-            let statistics = &view.statistics;
-            [
-                statistics.mean,
-                statistics.p95,
-                statistics.max,
-                statistics.within_target,
-            ]
-        });
-        let sane = |number: f64| number.is_finite() && number >= 0.0;
-        if !sane(completion.seconds) || !numbers.all(sane) {
-            return Err(FarmError::Invalid(
-                "a time or an error statistic is negative or not finite".to_owned(),
-            ));
+        if !(completion.seconds.is_finite() && completion.seconds >= 0.0) {
+            return Err(FarmError::Invalid(format!(
+                "a rendering took {} seconds: that is no time",
+                completion.seconds
+            )));
+        }
+        for (view, image) in completion.views.iter().enumerate() {
+            if let Err(reason) = image.statistics.check() {
+                return Err(FarmError::Invalid(format!("view {view}: {reason}")));
+            }
         }
         Ok(())
     }

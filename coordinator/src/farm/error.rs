@@ -21,6 +21,8 @@ pub(crate) enum FarmError {
     Incompatible(String),
     #[error("worker {0} is not registered here: register (again)")]
     UnknownWorker(WorkerId),
+    #[error("worker {0} is registered with another credential: register without an id")]
+    NotItsId(WorkerId),
     #[error("{0} workers are registered, and no more are admitted")]
     TooManyWorkers(usize),
     #[error("{0} bytes of images await their completion, and no more are taken: try again later")]

@@ -8,9 +8,10 @@ use super::{
 use dataset::{Digest, RENDERER_VERSION};
 use jobqueue::{
     Changes, JobState,
+    identity::identity,
     token::{Token, WorkerId},
 };
-use jobstore::{Failed, JobStoreError, Leased, Renewal};
+use jobstore::{Failed, JobStoreError, Leased, Overview, Renewal};
 use limits::protocol::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
 use std::{collections::HashSet, time::Duration};
 use tokio::{
@@ -40,7 +41,14 @@ impl Farm {
             )));
         }
         let worker = match known {
-            Some(worker) => worker,
+            Some(worker) => {
+                // An id that leaked is no way to work in somebody else's name.
+                let before = self.job_store.name(worker).await?;
+                if before.is_some_and(|before| identity(&before) != identity(&name)) {
+                    return Err(FarmError::NotItsId(worker));
+                }
+                worker
+            }
             None => WorkerId::from_bytes(random()?),
         };
         self.enroll(worker)?;
@@ -148,6 +156,7 @@ impl Farm {
         let now = self.shared.now();
         self.drop_old_images(now).await;
         let expired = self.job_store.expire().await?;
+        self.draw_audits().await?;
         self.forget_absent(now).await?;
         for lease in expired.lost {
             let event = Event::new(EventKind::LeaseLost).material(lease.material);
@@ -157,6 +166,30 @@ impl Farm {
         // Leases that are handed out during the pause run out no sooner than this.
         let longest = limits::SWEEP_INTERVAL_MAX.min(self.policy.lease);
         Ok(expired.next.unwrap_or(longest).min(longest))
+    }
+
+    /// Where no job waits or is under way: has some completions of each identity rendered again.
+    async fn draw_audits(&self) -> Result<(), JobStoreError> {
+        let Overview {
+            counts, finished, ..
+        } = self.shared.lock().overview;
+        let busy = counts.pending + counts.leased > 0;
+        if self.policy.audits == 0 || finished || busy {
+            return Ok(());
+        }
+        let seed = match random() {
+            Ok(bytes) => u64::from_ne_bytes(bytes),
+            Err(error) => {
+                tracing::warn!(%error, "completions to be audited are drawn later");
+                return Ok(());
+            }
+        };
+        let drawn = self.job_store.draw_audits(seed).await?;
+        for change in &drawn.jobs {
+            let event = Event::new(EventKind::Audited).material(change.material);
+            self.emit(event.text("another worker renders it again before the set is finished"));
+        }
+        Ok(())
     }
 
     /// Drops staged images whose completion never came.

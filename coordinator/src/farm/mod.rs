@@ -134,7 +134,7 @@ impl Farm {
         let farm = Self {
             specification_hash: specification.hash(),
             specification,
-            policy: options.policy,
+            policy: options.queue_policy(),
             shared,
             job_store,
             context,
@@ -196,7 +196,7 @@ async fn own_job_store(
     metrics: &Arc<Metrics>,
     shared: &Arc<Shared>,
 ) -> Result<Opened, FarmError> {
-    let mut queue = Queue::new(store.materials_asked(), options.policy);
+    let mut queue = Queue::new(store.materials_asked(), options.queue_policy());
     let (blobs, recovered, lock) = store.into_parts();
     queue.restore(recovered.kept, Duration::ZERO);
     shared.lock().bytes_before = recovered.image_bytes;
@@ -230,7 +230,7 @@ async fn shared_job_store(
     let context = context(blobs, shared);
     let job_store = PostgresJobStore::new(
         store.database,
-        options.policy,
+        options.queue_policy(),
         PresenceLimits::default(),
         Arc::<Metrics>::clone(metrics),
         Arc::clone(&context),

@@ -2,7 +2,7 @@
 //! read: a bound on the memory that all messages under way take together, and on the time that one
 //! may take to arrive.
 
-use super::{Role, Tokens};
+use super::{Caller, Role, Tokens};
 use crate::{metrics::Metrics, service::refuse};
 use http::{Request, Response, header::AUTHORIZATION};
 use http_body::{Frame, SizeHint};
@@ -69,14 +69,15 @@ impl Guard {
         }
     }
 
-    fn admit<B>(&self, request: &Request<B>) -> Result<(), Status> {
+    /// Who calls; none where nobody has to say, or may know all the same.
+    fn admit<B>(&self, request: &Request<B>) -> Result<Option<Caller>, Status> {
         let Some(tokens) = &self.tokens else {
-            return Ok(());
+            return Ok(None);
         };
         let path = request.uri().path();
         // Whether it is alive anybody may ask, as those do who start it again.
         if path.starts_with("/grpc.health.v1.Health/") {
-            return Ok(());
+            return Ok(None);
         }
         let shown = request.headers().get(AUTHORIZATION);
         let shown = shown.and_then(|value| value.as_bytes().strip_prefix(b"Bearer "));
@@ -84,13 +85,14 @@ impl Guard {
             let what = "this coordinator wants a token: pass --credentials";
             return Err(refuse(Code::Unauthenticated, "NO_TOKEN", what));
         };
-        let Some(role) = tokens.role(shown) else {
+        let Some(caller) = tokens.caller(shown) else {
             let what = "this coordinator does not know the token";
             return Err(refuse(Code::Unauthenticated, "UNKNOWN_TOKEN", what));
         };
-        if may(role, path) {
-            return Ok(());
+        if may(caller.role, path) {
+            return Ok(Some(caller.clone()));
         }
+        let role = caller.role;
         let what = format!("a token of the role {role:?} is not for this call").to_lowercase();
         Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
     }
@@ -98,7 +100,8 @@ impl Guard {
 
 fn may(role: Role, path: &str) -> bool {
     if path.starts_with("/brdfarm.v1.Farm/") {
-        return role == Role::Worker;
+        // An operator's rendering decides disputes.
+        return matches!(role, Role::Worker | Role::Operator);
     }
     let readers = match path.strip_prefix("/brdfarm.v1.Control/") {
         Some(call) => READERS_CALLS.contains(&call),
@@ -186,13 +189,20 @@ where
         self.service.poll_ready(context)
     }
 
-    fn call(&mut self, request: Request<Body>) -> Answer<S::Error> {
+    fn call(&mut self, mut request: Request<Body>) -> Answer<S::Error> {
         let began = Instant::now();
         let path = request.uri().path().to_owned();
         let metrics = Arc::clone(&self.guard.metrics);
-        if let Err(status) = self.guard.admit(&request) {
-            metrics.note_call(&path, began.elapsed(), Some(status.code()));
-            return Box::pin(async move { Ok(status.into_http()) });
+        match self.guard.admit(&request) {
+            Ok(caller) => {
+                if let Some(caller) = caller {
+                    request.extensions_mut().insert(caller);
+                }
+            }
+            Err(status) => {
+                metrics.note_call(&path, began.elapsed(), Some(status.code()));
+                return Box::pin(async move { Ok(status.into_http()) });
+            }
         }
         let share = Arc::new(Share {
             budget: self.guard.budget.clone(),
@@ -231,8 +241,8 @@ mod tests {
     fn each_role_has_its_calls() {
         use Role::{Operator, Reader, Worker};
         for (path, allowed) in [
-            ("/brdfarm.v1.Farm/Lease", &[Worker][..]),
-            ("/brdfarm.v1.Farm/PutBlob", &[Worker]),
+            ("/brdfarm.v1.Farm/Lease", &[Worker, Operator][..]),
+            ("/brdfarm.v1.Farm/PutBlob", &[Worker, Operator]),
             ("/brdfarm.v1.Control/Status", &[Operator, Reader]),
             ("/brdfarm.v1.Control/GetBlob", &[Operator, Reader]),
             ("/brdfarm.v1.Control/Pause", &[Operator]),

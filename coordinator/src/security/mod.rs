@@ -10,9 +10,9 @@ pub(crate) mod admission;
 pub(crate) mod guard;
 mod tokens;
 
-pub use tokens::{Role, TokenError, Tokens};
+pub use tokens::{Caller, Role, TokenError, Tokens};
 
-/// What protects a coordinator's port. By default nothing does, which does for a loopback address.
+/// What protects a coordinator's port. Unprotected by default, which is safe on a loopback address.
 #[derive(Clone, Debug, Default)]
 pub struct Security {
     /// Encryption, and proof that the coordinator is who it says.

@@ -2,14 +2,18 @@
 
 use super::{
     Answer, digest, message_digest,
-    refusal::{invalid, is_momentary, too_many},
+    refusal::{invalid, is_momentary, refuse, too_many},
     token, worker,
 };
-use crate::farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial};
+use crate::{
+    farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial},
+    security::{Caller, Role},
+};
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
+use jobqueue::identity::{OPERATOR, full_name};
 use jobstore::Renewal;
 use std::{sync::Arc, time::Duration};
-use tonic::{Request, Response, Status};
+use tonic::{Code, Request, Response, Status};
 use tracing::{Instrument, info_span};
 
 /// The service for workers over a farm.
@@ -35,6 +39,7 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::RegisterRequest>,
     ) -> Answer<proto::RegisterResponse> {
+        let caller = request.extensions().get::<Caller>().cloned();
         let message = request.into_inner();
         if message.name.is_empty() || message.name.len() > limits::protocol::NAME_BYTES_MAX {
             let reason = format!(
@@ -52,9 +57,11 @@ impl proto::Farm for FarmService {
             return Err(invalid("name", "a worker's name has no control characters"));
         }
         let hash = digest("specification_hash", &message.specification_hash)?;
+        let credential = credential(caller.as_ref(), message.resolves_disputes)?;
+        let name = full_name(credential, &message.name);
         let worker = self
             .farm
-            .register(known, message.name, &message.renderer_version, hash)
+            .register(known, name, &message.renderer_version, hash)
             .await?;
         Ok(Response::new(proto::RegisterResponse {
             worker_id: worker.to_message(),
@@ -231,6 +238,26 @@ impl proto::Farm for FarmService {
         let worker = worker(&request.into_inner().worker_id)?;
         let released = self.farm.deregister(worker).await?;
         Ok(Response::new(proto::DeregisterResponse { released }))
+    }
+}
+
+/// Which credential answers for a worker that registers.
+fn credential(caller: Option<&Caller>, resolves_disputes: bool) -> Result<Option<&str>, Status> {
+    match caller {
+        // Without tokens nobody is defended against anybody.
+        None => Ok(resolves_disputes.then_some(OPERATOR)),
+        Some(caller) if (caller.role == Role::Operator) == resolves_disputes => {
+            Ok(Some(&caller.credential))
+        }
+        Some(caller) => {
+            let what = match caller.role {
+                Role::Operator => {
+                    "an operator's token is for `jobs resolve`: render with a worker's"
+                }
+                _ => "disputes are decided with an operator's token",
+            };
+            Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
+        }
     }
 }
 

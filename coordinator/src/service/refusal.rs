@@ -64,6 +64,7 @@ fn kind(error: &FarmError) -> (Code, &'static str) {
         FarmError::NotByUrl => (Code::FailedPrecondition, "UPLOAD_BY_CALL"),
         FarmError::Bucket(_) => (Code::Unavailable, "BUCKET_AWAY"),
         FarmError::UnknownWorker(_) => (Code::NotFound, "UNKNOWN_WORKER"),
+        FarmError::NotItsId(_) => (Code::PermissionDenied, "NOT_ITS_ID"),
         FarmError::NotBlocked(_) => (Code::NotFound, "NOT_BARRED"),
         FarmError::UnknownBlob(_) => (Code::NotFound, "UNKNOWN_IMAGE"),
         FarmError::DamagedBlob(_) => (Code::DataLoss, "DAMAGED_IMAGE"),

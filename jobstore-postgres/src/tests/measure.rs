@@ -9,7 +9,7 @@ use std::{
     env,
     sync::{
         Arc, OnceLock,
-        atomic::{AtomicU64, Ordering},
+        atomic::{AtomicI64, AtomicU64, Ordering},
     },
     time::{Duration, Instant},
 };
@@ -112,9 +112,12 @@ async fn hold(job_store: Arc<dyn JobStore>, renewed: Arc<AtomicU64>) {
     }
 }
 
+/// Where plain SQL begins; clients begin at 0.
+const PLAIN_FIRST: i64 = 1_000_000;
+
 /// Writes what claims and completions write, a batch at a time, and looks at nothing: the most that
-/// the database gives.
-async fn plain(url: String, first: i64, done: Arc<AtomicU64>) {
+/// the database gives. `next` is the first material that no connection has taken.
+async fn plain(url: String, next: Arc<AtomicI64>, done: Arc<AtomicU64>) {
     let mut client = client(&url).await;
     let claim = client
         .prepare(
@@ -140,7 +143,12 @@ async fn plain(url: String, first: i64, done: Arc<AtomicU64>) {
         .await
         .unwrap();
     let tally = "UPDATE tallies SET pending = pending WHERE shard = pg_backend_pid() % 64";
-    for begin in (first..).step_by(PLAIN_BATCH as usize) {
+    loop {
+        let begin = next.fetch_add(PLAIN_BATCH, Ordering::Relaxed);
+        assert!(
+            begin + PLAIN_BATCH <= i64::from(MATERIALS),
+            "measure for a shorter time"
+        );
         let materials: Vec<i64> = (begin..begin + PLAIN_BATCH).collect();
         let completions: Vec<Completion> = materials
             .iter()
@@ -175,18 +183,21 @@ async fn plain(url: String, first: i64, done: Arc<AtomicU64>) {
 }
 
 /// Plain SQL with so many connections, a second.
-async fn measure_plain(url: &str, clients: i64, from: i64, time: Duration) {
+async fn measure_plain(url: &str, clients: usize, next: &Arc<AtomicI64>, time: Duration) {
     crate::testing::run(url, SWEPT).await;
     let done = Arc::<AtomicU64>::default();
     let mut working = JoinSet::new();
-    for number in 0..clients {
-        let first = from + number * 200_000;
-        working.spawn(plain(url.to_owned(), first, Arc::clone(&done)));
+    for _ in 0..clients {
+        working.spawn(plain(url.to_owned(), Arc::clone(next), Arc::clone(&done)));
     }
     let began = Instant::now();
     tokio::time::sleep(time).await;
     let rate = done.load(Ordering::Relaxed) as f64 / began.elapsed().as_secs_f64();
     println!("plain SQL, {clients} connections: {rate:.0} claims and as many completions a second");
+    assert!(
+        working.try_join_next().is_none(),
+        "a connection ended before its time"
+    );
     working.shutdown().await;
 }
 
@@ -249,8 +260,9 @@ async fn three_million_jobs() {
             tokio::time::sleep(Duration::from_secs(1)).await;
         }
     });
-    for (clients, from) in [(1, 2_000_000), (2, 2_300_000)] {
-        measure_plain(&url, clients, from, each).await;
+    let plain_next = Arc::new(AtomicI64::new(PLAIN_FIRST));
+    for clients in [1, 2] {
+        measure_plain(&url, clients, &plain_next, each).await;
     }
     for (clients, time) in [(1, each), (4, each), (16, each), (64, each), (64, long)] {
         crate::testing::run(&url, SWEPT).await;
@@ -278,6 +290,6 @@ async fn three_million_jobs() {
         }
         working.shutdown().await;
     }
-    measure_plain(&url, 2, 2_600_000, each).await;
+    measure_plain(&url, 2, &plain_next, each).await;
     around.shutdown().await;
 }

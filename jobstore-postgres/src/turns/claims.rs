@@ -9,7 +9,7 @@ use crate::{
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{
-    Changes, Mode, WorkerChange, WorkerRecord,
+    Changes, Mode, WorkerChange, WorkerRecord, identity,
     token::{Token, WorkerId},
 };
 use jobstore::{JobStoreError, Leased};
@@ -38,6 +38,8 @@ pub(super) struct Claims<'a> {
 pub(super) struct Asker {
     name: String,
     record: Option<WorkerRecord>,
+    /// Of whoever answers for it, where that is not its own.
+    answers: Option<WorkerRecord>,
     /// How many more leases it may hold.
     room: usize,
     /// When it was last noted that it is there.
@@ -46,7 +48,8 @@ pub(super) struct Asker {
 
 impl Asker {
     fn block(&self) -> Option<String> {
-        let block = self.record.as_ref()?.block.as_ref()?;
+        let mut records = [&self.record, &self.answers].into_iter().flatten();
+        let block = records.find_map(|record| record.block.as_ref())?;
         Some(block.reason.clone())
     }
 }
@@ -122,9 +125,17 @@ impl Claims<'_> {
         // Pending jobs that nobody got are pending still.
         let may_be = unserved && !served && self.counts.pending == 0;
         let finished = may_be && is_finished(self.transaction).await?;
+        let operators = leased
+            .iter()
+            .flatten()
+            .filter_map(|leased| leased.name.as_ref());
+        let operators = operators.filter(|name| identity::is_operator(name)).count();
+        let undisputed = operators > 0 && !is_disputed(self.transaction).await?;
         for leased in leased.iter_mut().flatten() {
-            leased.finished = finished;
-            if finished || leased.draining {
+            let name = leased.name.as_ref();
+            let operator = name.is_some_and(|name| identity::is_operator(name));
+            leased.finished = finished || operator && undisputed && leased.jobs.is_empty();
+            if leased.finished || leased.draining {
                 leased.blocked = None;
             }
         }
@@ -154,14 +165,18 @@ impl Claims<'_> {
     pub fn read(&self, rows: &[Row]) -> Askers {
         let asker = |row: &Row| {
             let name: String = row.get(1);
-            let record: Option<&str> = row.get(2);
-            let record = record.map(|text| json(text, "worker")).transpose();
+            let record = |column: usize| {
+                let text: Option<&str> = row.get(column);
+                text.map(|text| json(text, "worker")).transpose()
+            };
             let held: i64 = row.get(4);
             let room = i64::from(self.shared.policy.leases_per_worker_max) - held;
-            record
-                .map(|record| Asker {
+            record(2)
+                .and_then(|own| Ok((own, record(5)?)))
+                .map(|(record, answers)| Asker {
                     name: name.clone(),
                     record,
+                    answers,
                     room: usize::try_from(room).unwrap_or_default(),
                     seen_before: time(row.get(3)),
                 })
@@ -220,8 +235,11 @@ impl Claims<'_> {
                 names.insert(&asker.name);
                 locked.queue.admit(claim.worker, &asker.name);
                 count += tokens.len().min(asker.room);
-                if let Some(record) = &asker.record {
-                    let (name, record) = (asker.name.clone(), record.clone());
+                let own = asker.record.as_ref().map(|record| (&*asker.name, record));
+                let answers = asker.answers.as_ref();
+                let answers = answers.map(|record| (identity::identity(&asker.name), record));
+                for (name, record) in own.into_iter().chain(answers) {
+                    let (name, record) = (name.to_owned(), record.clone());
                     let worker = WorkerChange { name, record };
                     locked.queue.add_worker(worker, locked.now);
                 }
@@ -254,13 +272,20 @@ impl Claims<'_> {
         count: usize,
     ) -> Result<bool, Fault> {
         let mut lacking = count as i64;
-        for (statement, some) in [
+        // The operator renders what is disputed and nothing else.
+        let renderers = names.iter().copied();
+        let renderers: Vec<&str> = renderers
+            .filter(|name| !identity::is_operator(name))
+            .collect();
+        let fresh = self.counts.pending > 0 && !renderers.is_empty();
+        for (statement, names, some) in [
             (
                 include_str!("../sql/redundant.sql"),
+                names,
                 self.counts.redundant > 0,
             ),
-            (include_str!("../sql/fresh.sql"), self.counts.pending > 0),
-            (include_str!("../sql/again.sql"), self.counts.pending > 0),
+            (include_str!("../sql/fresh.sql"), &renderers, fresh),
+            (include_str!("../sql/again.sql"), &renderers, fresh),
         ] {
             while lacking > 0 && some {
                 let mut known = locked.known();
@@ -297,6 +322,13 @@ fn claimed_by(claim: &Claim, before: &HashMap<Token, u32>) -> Vec<(Token, u32)> 
     tokens
         .filter_map(|token| Some((*token, *before.get(token)?)))
         .collect()
+}
+
+/// Whether two contradict each other about a job.
+async fn is_disputed(transaction: &Transaction<'_>) -> Result<bool, Fault> {
+    let statement = include_str!("../sql/disputed.sql");
+    let rows = query(transaction, statement, &[]).await?;
+    Ok(!rows.is_empty())
 }
 
 /// Whether nothing is left to do, now or later.

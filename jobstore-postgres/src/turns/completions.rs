@@ -2,7 +2,7 @@
 
 use crate::{connecting::query, fault::Fault, locked_jobs::LockedJobs};
 use deadpool_postgres::Transaction;
-use jobqueue::{Changes, Completion, JobRecord, JobState, RedundantRender, Verdict};
+use jobqueue::{Changes, Completion, JobRecord, JobState, Policy, RedundantRender, identity};
 use jobstore::{Decision, Delivery, JobStoreContext, JobStoreError};
 use std::collections::BTreeSet;
 use tokio_postgres::Row;
@@ -99,7 +99,9 @@ fn complete_one(
     let holder = queue.holder(material).cloned();
     let (verdict, changes) = queue.complete(material, *token, fingerprint, *check, locked.now)?;
     completed.changes.extend(changes.clone());
-    if let (Verdict::Recorded | Verdict::Overturned(_), Some(holder)) = (&verdict, &holder) {
+    if verdict.records()
+        && let Some(holder) = &holder
+    {
         completed.recorded.push(Completion {
             worker: holder.name.clone(),
             ..completion.clone()
@@ -112,16 +114,18 @@ fn complete_one(
     })
 }
 
-/// The names of workers that failed lately, of those who hold these jobs.
+/// The names of those who hold these jobs and of whom a completion changes what is kept.
 pub(super) async fn failing(
     transaction: &Transaction<'_>,
     materials: &[i64],
+    policy: &Policy,
 ) -> Result<Vec<Row>, Fault> {
     if materials.is_empty() {
         return Ok(Vec::new());
     }
     let statement = include_str!("../sql/failing.sql");
-    query(transaction, statement, &[&materials]).await
+    let (probation, audits) = (i64::from(policy.probation), policy.audits > 0);
+    query(transaction, statement, &[&materials, &probation, &audits]).await
 }
 
 /// Whether a job's completion may change more than the job.
@@ -135,7 +139,8 @@ fn needs_exclusive(job: &JobRecord, failing: &BTreeSet<&str>) -> bool {
 }
 
 /// Adds what a completion may change besides its job: the histories of everybody who had a hand in
-/// it, and where one of them may turn out to have lied, all that one holds and vouches for.
+/// it, and where one of them may turn out to have lied, all that whoever answers for it holds and
+/// vouches for.
 async fn widen(
     transaction: &Transaction<'_>,
     locked: &mut LockedJobs,
@@ -151,7 +156,8 @@ async fn widen(
         ..
     } = &job.state
     {
-        suspects.extend([worker.clone(), dispute.worker.clone()]);
+        let names = [worker, &dispute.worker];
+        suspects.extend(names.map(|name| identity::identity(name).to_owned()));
     }
     let mut names = suspects.clone();
     names.extend(job.state.holder().map(|holder| holder.name.clone()));

@@ -1,14 +1,15 @@
 //! Every operation, done to the job store and to the model; their answers are equal.
 
 use super::{
-    MATERIALS, POLICY, Place, WORKERS, id,
+    MATERIALS, OPERATOR, POLICY, Place, WORKERS, answers, id,
     job::{ModelJob, ModelLease, ModelWorker},
     name,
     operation::Operation,
 };
 use crate::{Delivery, JobStore, JobStoreError, JobsOrder, Leased, Overview, Renewal};
 use jobqueue::{
-    BlockCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, token::Token,
+    BlockCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, identity::identity,
+    token::Token,
 };
 use std::{
     collections::BTreeSet,
@@ -88,16 +89,47 @@ impl Bench {
     }
 
     pub fn able(&self) -> Vec<u8> {
-        let able = |worker: &u8| {
-            let worker = &self.workers[*worker as usize];
-            worker.present && worker.block.is_none()
-        };
+        let able =
+            |worker: &u8| self.workers[*worker as usize].present && !self.is_blocked(*worker);
         (0..WORKERS).filter(able).collect()
+    }
+
+    pub fn is_blocked(&self, worker: u8) -> bool {
+        let distrusted = self.workers[answers(worker) as usize].distrusted;
+        self.workers[worker as usize].block.is_some() || distrusted
+    }
+
+    /// Those who are there to render jobs.
+    fn renderers(&self) -> Vec<u8> {
+        let mut able = self.able();
+        able.retain(|worker| *worker != OPERATOR);
+        able
+    }
+
+    /// Who answers for work that is to be audited by somebody who is there.
+    pub fn audits_due(&self) -> Vec<u8> {
+        let due = |number: &u8| {
+            let worker = &self.workers[*number as usize];
+            let others = self.renderers();
+            let blocked = worker.distrusted || *number == 0 && worker.block.is_some();
+            worker.audit_due && !blocked && others.iter().any(|other| answers(*other) != *number)
+        };
+        (0..WORKERS).filter(due).collect()
+    }
+
+    fn is_finished_for(&self, worker: u8) -> bool {
+        let disputes = self.jobs.iter().any(ModelJob::is_disputed);
+        let present = self.workers[worker as usize].present;
+        self.is_finished() || worker == OPERATOR && present && !disputes
     }
 
     pub fn may_rerender(&self, worker: u8, job: &ModelJob) -> bool {
         job.wants_opinion()
-            && job.opinions.iter().all(|(_, by)| *by != worker)
+            && (worker != OPERATOR || job.is_disputed())
+            && job
+                .opinions
+                .iter()
+                .all(|(_, by)| answers(*by) != answers(worker))
             && !job.failed_on.contains(&worker)
     }
 
@@ -207,10 +239,26 @@ impl Bench {
                 let change = self.job_store().unblock(&name(worker)).await.unwrap();
                 let model = &mut self.workers[worker as usize];
                 assert_eq!(change.is_some(), model.block.is_some());
-                if model.block.take().is_some() {
+                if let Some((cause, _)) = model.block.take() {
                     model.failed_in_a_row.clear();
+                    if cause == BlockCause::Disagreement {
+                        model.probation = 0;
+                    }
                 }
             }
+            Operation::Trust { worker } => {
+                let name = name(worker);
+                if identity(&name) == name {
+                    return;
+                }
+                let change = self.job_store().unblock(identity(&name)).await.unwrap();
+                let model = &mut self.workers[answers(worker) as usize];
+                assert_eq!(change.is_some(), model.distrusted);
+                if std::mem::take(&mut model.distrusted) {
+                    model.probation = 0;
+                }
+            }
+            Operation::DrawAudits { seed } => self.draw_audits(seed).await,
         }
     }
 
@@ -241,7 +289,7 @@ impl Bench {
 
     async fn claim(&mut self, worker: u8, jobs_max: u32) {
         let room = POLICY.leases_per_worker_max as usize - self.held(worker).len();
-        let idle = self.is_finished() || self.mode == Mode::Draining;
+        let idle = self.is_finished_for(worker) || self.mode == Mode::Draining;
         let mut expected = Vec::new();
         if self.able().contains(&worker) && self.mode == Mode::Running && !idle {
             let may = |job: &&ModelJob| self.may_rerender(worker, job);
@@ -251,11 +299,14 @@ impl Bench {
             expected.extend(self.those(redundant));
             let mut fresh: Vec<u32> = self.those(ModelJob::is_pending).into_iter().collect();
             fresh.sort_by_key(|material| -self.jobs[*material as usize].priority);
+            if worker == OPERATOR {
+                fresh.clear();
+            }
             let failed = |material: &u32| self.jobs[*material as usize].failed_on.contains(&worker);
             expected.extend(fresh.iter().filter(|material| !failed(material)));
             let others_failed = |material: &u32| {
                 let job = &self.jobs[*material as usize];
-                self.able()
+                self.renderers()
                     .iter()
                     .all(|other| job.failed_on.contains(other))
             };
@@ -269,7 +320,7 @@ impl Bench {
             .collect();
         let leased = self.job_store().claim(id(worker), &tokens).await.unwrap();
         let expected: Vec<(Token, u32)> = tokens.into_iter().zip(expected).collect();
-        let blocked = self.workers[worker as usize].block.is_some();
+        let blocked = self.is_blocked(worker);
         let present = self.workers[worker as usize].present;
         assert_eq!(leased.blocked.is_some(), blocked && present && !idle);
         assert_eq!(
@@ -277,7 +328,7 @@ impl Bench {
             Leased {
                 jobs: expected.clone(),
                 name: present.then(|| name(worker)),
-                finished: self.is_finished(),
+                finished: self.is_finished_for(worker),
                 draining: self.mode == Mode::Draining,
                 blocked: leased.blocked.clone(),
             }
@@ -344,7 +395,8 @@ impl Bench {
             return;
         };
         if !current {
-            let known = job.opinions.iter().any(|(known, _)| *known == fingerprint);
+            let mut opinions = job.opinions.iter();
+            let known = opinions.any(|(known, _)| known.agrees_with(fingerprint));
             let expected = match (job.opinions.is_empty(), known) {
                 (true, _) => Err(Refusal::LeaseLost(material)),
                 (false, true) => Ok((Verdict::Repeated, Changes::default())),
@@ -359,7 +411,11 @@ impl Bench {
         let mut touched = BTreeSet::from([material]);
         let expected = match opinions[..] {
             [_] => {
-                job.redundant_wanted = check;
+                let answers = &mut self.workers[answers(worker) as usize];
+                let on_probation = answers.probation < POLICY.probation;
+                answers.probation += u32::from(on_probation);
+                answers.audit_due = true;
+                job.redundant_wanted = check || on_probation;
                 job.opinions = opinions;
                 Verdict::Recorded
             }
@@ -378,8 +434,14 @@ impl Bench {
                     (c, a, Verdict::Overturned(name(a)))
                 };
                 job.opinions = vec![(third, honest), (third, WORKERS)];
-                touched.extend(self.block(liar, BlockCause::Disagreement));
+                touched.extend(self.distrust(liar));
                 verdict
+            }
+            [(_, a), (_, b), (third, OPERATOR)] => {
+                job.opinions = vec![(third, OPERATOR), (third, WORKERS)];
+                touched.extend(self.distrust(a));
+                touched.extend(self.distrust(b));
+                Verdict::Ruled([name(a), name(b)])
             }
             _ => {
                 job.opinions.clear();
@@ -401,13 +463,24 @@ impl Bench {
     fn block(&mut self, worker: u8, cause: BlockCause) -> BTreeSet<u32> {
         let ends = (cause == BlockCause::Failures).then_some(self.now + POLICY.block);
         self.workers[worker as usize].block = Some((cause, ends));
+        self.take_from(|other| other == worker, cause)
+    }
+
+    /// Blocks whoever answers for a worker in the model; returns which jobs that changes.
+    fn distrust(&mut self, worker: u8) -> BTreeSet<u32> {
+        let liar = answers(worker);
+        match liar {
+            0 => self.workers[0].block = Some((BlockCause::Disagreement, None)),
+            _ => self.workers[liar as usize].distrusted = true,
+        }
+        self.take_from(|other| answers(other) == liar, BlockCause::Disagreement)
+    }
+
+    /// Takes from workers what they hold, and what only they vouch for if they lied.
+    fn take_from(&mut self, from: impl Fn(u8) -> bool, cause: BlockCause) -> BTreeSet<u32> {
         let mut touched = BTreeSet::new();
         for (material, job) in (0..).zip(&mut self.jobs) {
-            if job
-                .lease
-                .as_ref()
-                .is_some_and(|lease| lease.worker == worker)
-            {
+            if job.lease.as_ref().is_some_and(|lease| from(lease.worker)) {
                 job.lease = None;
                 touched.insert(material);
             }
@@ -415,12 +488,12 @@ impl Bench {
                 continue;
             }
             let agreed = job.opinions.len() == 2 && !job.is_disputed();
-            let delivered = job.opinions.first().is_some_and(|(_, by)| *by == worker);
+            let delivered = job.opinions.first().is_some_and(|(_, by)| from(*by));
             if delivered && !agreed {
                 job.opinions.clear();
                 job.lease = None;
                 touched.insert(material);
-            } else if job.is_disputed() && job.opinions[1].1 == worker {
+            } else if job.is_disputed() && from(job.opinions[1].1) {
                 job.opinions.pop();
                 job.redundant_wanted = true;
                 job.lease = None;
@@ -428,6 +501,31 @@ impl Bench {
             }
         }
         touched
+    }
+
+    async fn draw_audits(&mut self, seed: u64) {
+        let changes = self.job_store().draw_audits(seed).await.unwrap();
+        let drawn = materials(&changes);
+        let busy = self
+            .jobs
+            .iter()
+            .any(|job| job.is_pending() || job.lease.is_some());
+        let due = if busy { Vec::new() } else { self.audits_due() };
+        let mut expected = 0;
+        for number in due {
+            let alone = self.those(|job| {
+                let by = job.opinions.first().map(|(_, by)| answers(*by));
+                job.opinions.len() == 1 && !job.redundant_wanted && by == Some(number)
+            });
+            let count = alone.len().min(POLICY.audits as usize);
+            assert_eq!(alone.intersection(&drawn).count(), count);
+            expected += count;
+            self.workers[number as usize].audit_due = false;
+        }
+        assert_eq!(drawn.len(), expected);
+        for material in drawn {
+            self.job(material).redundant_wanted = true;
+        }
     }
 
     fn back_to_the_queue(&mut self, material: u32) {

@@ -1,20 +1,23 @@
 //! After each operation: the job store's figures, its records and its workers are the model's.
 
 use super::{
-    Bench, MATERIALS, id,
+    Bench, MATERIALS, answers, id,
     job::{ModelJob, state},
     name,
 };
 use crate::Overview;
-use jobqueue::{Counts, Failure, JobRecord, Selection, WorkerRecord, token::WorkerId};
+use jobqueue::{
+    BlockCause, Counts, Failure, JobRecord, Selection, WorkerRecord, identity::identity,
+    token::WorkerId,
+};
 use std::collections::BTreeMap;
 
 impl Bench {
     pub fn is_finished(&self) -> bool {
-        let left = |job: &ModelJob| job.is_pending() || job.lease.is_some() || job.is_disputed();
+        let left = |job: &ModelJob| job.is_pending() || job.lease.is_some();
         let able = self.able();
         let decision = |job: &ModelJob| able.iter().any(|worker| self.may_rerender(*worker, job));
-        !self.jobs.iter().any(|job| left(job) || decision(job))
+        !self.jobs.iter().any(|job| left(job) || decision(job)) && self.audits_due().is_empty()
     }
 
     pub async fn check(&self) {
@@ -39,7 +42,9 @@ impl Bench {
             "every job is in exactly one state"
         );
         self.job_store().publish_overview().await.unwrap();
-        let blocked = self.workers.iter().filter(|worker| worker.block.is_some());
+        let workers = self.workers.iter();
+        let blocks = workers.flat_map(|worker| [worker.block.is_some(), worker.distrusted]);
+        let blocked = blocks.filter(|blocked| *blocked);
         let expected = Overview {
             counts: expected,
             mode: self.mode,
@@ -104,6 +109,16 @@ impl Bench {
             assert_eq!(worker.leases_lost, model.leases_lost);
             let cause = worker.block.as_ref().map(|block| block.cause);
             assert_eq!(cause, model.block.map(|(cause, _)| cause));
+            if answers(number) != number {
+                continue;
+            }
+            let kept = workers.get(identity(&name(number))).cloned();
+            let kept = kept.unwrap_or_default();
+            assert_eq!(kept.probation, model.probation);
+            assert_eq!(kept.audit_due, model.audit_due);
+            let distrusted = kept.block.map(|block| block.cause) == Some(BlockCause::Disagreement);
+            let bare = model.block.map(|(cause, _)| cause) == Some(BlockCause::Disagreement);
+            assert_eq!(distrusted, model.distrusted || bare);
         }
     }
 }

@@ -2,15 +2,14 @@
 //! question answered by a search.
 
 use super::{POLICY, id, name};
-use dataset::Digest;
-use jobqueue::{BlockCause, Dispute, Holder, JobState, RedundantRender, token::Token};
+use jobqueue::{BlockCause, Dispute, Fingerprint, Holder, JobState, RedundantRender, token::Token};
 use std::{collections::BTreeSet, time::Duration};
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ModelJob {
     pub lease: Option<ModelLease>,
     // Who says what the job's images are, first, second and third.
-    pub opinions: Vec<(Digest, u8)>,
+    pub opinions: Vec<(Fingerprint, u8)>,
     pub redundant_wanted: bool,
     pub quarantined: bool,
     pub cancelled: bool,
@@ -37,6 +36,11 @@ pub(super) struct ModelWorker {
     pub leases_lost: u64,
     // When it ends, where it ends.
     pub block: Option<(BlockCause, Option<Duration>)>,
+    // These are kept for whoever answers for it: why all it answers for are blocked, how many of
+    // their completions were looked at because they were new, and whether an audit is due.
+    pub distrusted: bool,
+    pub probation: u32,
+    pub audit_due: bool,
 }
 
 impl ModelJob {

@@ -13,7 +13,7 @@ pub use operation::{Operation, operation};
 
 use super::{JobStore, Overview};
 use bench::Bench;
-use jobqueue::{Policy, token::WorkerId};
+use jobqueue::{Policy, identity::full_name, token::WorkerId};
 use proptest::prelude::ProptestConfig;
 use std::{
     sync::{Arc, Mutex},
@@ -24,6 +24,8 @@ use tokio::runtime;
 /// Jobs of a store under test.
 pub const MATERIALS: u32 = 12;
 const WORKERS: u8 = 5;
+/// The worker that is the operator.
+const OPERATOR: u8 = 4;
 /// Limits small enough to be met by a few operations.
 pub const POLICY: Policy = Policy {
     lease: Duration::from_secs(10),
@@ -35,7 +37,10 @@ pub const POLICY: Policy = Policy {
     leases_per_worker_max: 5,
     jobs_failed_max: 3,
     block: Duration::from_secs(40),
+    probation: 2,
+    audits: 2,
 };
+
 /// Where job stores are opened, each over what the one before kept.
 #[async_trait::async_trait]
 pub trait Place: Send {
@@ -53,8 +58,20 @@ fn id(number: u8) -> WorkerId {
     WorkerId::from_bytes([number; 16])
 }
 
+/// One without a credential, two of one, one of another, and the operator.
 fn name(number: u8) -> String {
-    format!("w{number}")
+    let credential = match number {
+        1 | 2 => Some("lab"),
+        3 => Some("guest"),
+        OPERATOR => Some(jobqueue::identity::OPERATOR),
+        _ => None,
+    };
+    full_name(credential, &format!("w{number}"))
+}
+
+/// Who answers for a worker: the first with the same credential.
+fn answers(number: u8) -> u8 {
+    if number == 2 { 1 } else { number }
 }
 
 /// Does operations on a new job store, and checks it after each.

@@ -65,6 +65,12 @@ pub enum Operation {
     Unblock {
         worker: u8,
     },
+    Trust {
+        worker: u8,
+    },
+    DrawAudits {
+        seed: u64,
+    },
 }
 
 /// Any operation; likely ones more often.
@@ -98,5 +104,7 @@ pub fn operation() -> impl Strategy<Value = Operation> {
         1 => mode.prop_map(|mode| Operation::SetMode { mode }),
         1 => (0..WORKERS).prop_map(|worker| Operation::Block { worker }),
         2 => (0..WORKERS).prop_map(|worker| Operation::Unblock { worker }),
+        2 => (0..WORKERS).prop_map(|worker| Operation::Trust { worker }),
+        3 => any::<u64>().prop_map(|seed| Operation::DrawAudits { seed }),
     ]
 }
