@@ -73,6 +73,16 @@ impl CredentialOptions {
 }
 
 impl CoordinatorOptions {
+    /// The coordinator's URL.
+    pub fn url(&self) -> &str {
+        &self.url
+    }
+
+    /// What is shown to the coordinator, and whom to believe.
+    pub fn credentials(&self) -> anyhow::Result<Credentials> {
+        self.credentials.load()
+    }
+
     /// Makes one call and waits for its answer.
     pub fn call<M, R, F>(
         &self,

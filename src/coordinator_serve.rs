@@ -70,8 +70,9 @@ pub struct Options {
     #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     disk_reserve_mib: u64,
-    /// Percent of the materials that a second worker renders again, to the same bytes or somebody
-    /// is blocked
+    /// Percent of the materials that a second worker renders again; if images or statistics differ, a
+    /// third decides and whoever was wrong is blocked. With credentials, the first materials of each
+    /// and some of each at the end are rendered again as well. 0 believes everybody
     #[arg(long, default_value_t = f64::from(limits::REDUNDANT_PER_MILLION) / 1e4,
           value_name = "PERCENT", value_parser = percent)]
     check_percent: f64,
@@ -163,6 +164,12 @@ async fn serve(
         finished = coordinator.wait_until_finished(), if options.exit_when_complete => {
             coordinator.wait_for_workers_to_leave().await;
             finished.map_err(anyhow::Error::from).and_then(|progress| {
+                anyhow::ensure!(
+                    progress.counts.disputed == 0,
+                    "{} delivered differently by two workers, and nobody is left to decide: serve \
+                     again, then `brdfarm jobs resolve`",
+                    count(progress.counts.disputed, "material")
+                );
                 anyhow::ensure!(
                     progress.counts.quarantined == 0,
                     "{} of {} failed too often and were quarantined",

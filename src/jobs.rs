@@ -2,6 +2,7 @@
 
 use crate::connection::CoordinatorOptions;
 use crate::failure::BadInput;
+use crate::jobs_resolve::{self, Resolve};
 use clap::{Args, Subcommand, ValueEnum};
 use dataset::IndexList;
 use proto::{
@@ -20,6 +21,7 @@ pub enum Command {
     Retry(Retry),
     Cancel(Cancel),
     Prioritize(Prioritize),
+    Resolve(Resolve),
 }
 
 /// List jobs, one a line
@@ -121,6 +123,7 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Retry(options) => retry(options),
         Command::Cancel(options) => cancel(options),
         Command::Prioritize(options) => prioritize(options),
+        Command::Resolve(options) => jobs_resolve::execute(options),
     }
 }
 

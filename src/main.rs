@@ -15,6 +15,7 @@ mod evaluate;
 mod failure;
 mod farm_mode;
 mod jobs;
+mod jobs_resolve;
 mod output;
 mod picture;
 mod plural;

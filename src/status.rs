@@ -77,7 +77,14 @@ fn show_only(status: &StatusResponse, json: bool, out: &mut impl Write) -> anyho
 }
 
 fn trouble(status: &StatusResponse) -> anyhow::Result<()> {
-    let set_aside = status.counts.unwrap_or_default().set_aside;
+    let counts = status.counts.unwrap_or_default();
+    anyhow::ensure!(
+        !status.finished || counts.disputed == 0,
+        "{} delivered differently by two workers, and nobody is there to decide: `brdfarm jobs \
+         resolve` renders them here",
+        count(counts.disputed, "material")
+    );
+    let set_aside = counts.set_aside;
     anyhow::ensure!(
         set_aside == 0,
         "{} failed too often and quarantined: `brdfarm jobs show` tells why, `brdfarm jobs retry \
@@ -109,7 +116,7 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
         (counts.cancelled, "cancelled"),
         (
             counts.disputed,
-            "rendered differently by two workers, a third decides",
+            "delivered differently by two workers: a third decides, or `brdfarm jobs resolve`",
         ),
         (counts.checks, "to be rendered again by another worker"),
     ] {
@@ -136,6 +143,13 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
         count(counts.failures, "failure"),
         count(counts.leases_lost, "lease")
     )?;
+    for dispute in &status.disputed {
+        writeln!(
+            out,
+            "material {}: {} contradicts {}",
+            dispute.material, dispute.contradicted_by, dispute.worker
+        )?;
+    }
     for set_aside in &status.set_aside {
         let error = set_aside
             .errors
@@ -162,6 +176,13 @@ fn as_json(status: &StatusResponse) -> Value {
     let counts = status.counts.unwrap_or_default();
     let set_aside = status.set_aside.iter();
     let set_aside = set_aside.map(|job| json!({"material": job.material, "errors": job.errors}));
+    let disputed = status.disputed.iter().map(|dispute| {
+        json!({
+            "material": dispute.material,
+            "worker": dispute.worker,
+            "contradicted_by": dispute.contradicted_by,
+        })
+    });
     let hash = status.specification_hash.iter();
     json!({
         "name": status.name,
@@ -186,5 +207,6 @@ fn as_json(status: &StatusResponse) -> Value {
         "leases_lost": counts.leases_lost,
         "up_seconds": status.up_ms as f64 / 1e3,
         "jobs_set_aside": set_aside.collect::<Vec<_>>(),
+        "jobs_disputed": disputed.collect::<Vec<_>>(),
     })
 }

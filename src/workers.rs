@@ -36,6 +36,7 @@ pub struct List {
 pub struct Block {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
+    /// A worker as `workers list` shows it, CREDENTIAL/NAME; or a credential, for all who use it
     name: String,
     /// Why; the worker logs it
     #[arg(long, default_value = "blocked by an operator")]

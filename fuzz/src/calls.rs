@@ -69,6 +69,7 @@ async fn begin(farm: &impl Farm, control: &impl Control, hash: &[u8]) {
         renderer_version: RENDERER_VERSION.to_owned(),
         specification_hash: hash.to_vec(),
         worker_id,
+        resolves_disputes: false,
     };
     farm.register(Request::new(register)).await.unwrap();
 }

@@ -172,6 +172,7 @@ fn calls() -> Vec<u8> {
         renderer_version: RENDERER_VERSION.to_owned(),
         specification_hash: LIVE_SPECIFICATION.hash().as_bytes().to_vec(),
         worker_id: worker_id.clone(),
+        resolves_disputes: false,
     };
     call(b'R', register.encode_to_vec());
     let lease = proto::LeaseRequest {

@@ -71,6 +71,7 @@ impl Liar {
                 renderer_version: dataset.renderer_version,
                 specification_hash: dataset.specification_hash,
                 worker_id: Vec::new(),
+                resolves_disputes: false,
             };
             let registered = client
                 .register(register)

@@ -181,6 +181,7 @@ async fn what_is_sent_never_becomes_a_path() {
             renderer_version: RENDERER_VERSION.to_owned(),
             specification_hash: specification.hash().as_bytes().to_vec(),
             worker_id: Vec::new(),
+            resolves_disputes: false,
         };
         farm.register(with_deadline(register))
             .await

@@ -363,6 +363,7 @@ async fn register(
             renderer_version: dataset::RENDERER_VERSION.to_owned(),
             specification_hash: specification.hash().as_bytes().to_vec(),
             worker_id: Vec::new(),
+            resolves_disputes: false,
         };
         let answer = client.register(with_deadline(message)).await.unwrap();
         registered.push((number, client, answer.into_inner().worker_id));

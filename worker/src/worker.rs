@@ -37,6 +37,8 @@ pub struct Options {
     pub credentials: Credentials,
     /// Threads that render; 0 takes one for each of the machine's.
     pub threads: usize,
+    /// Whether it renders what is disputed and nothing else, and decides it: with an operator's token.
+    pub resolves_disputes: bool,
     /// Whether to leave when nothing is left to do, rather than to wait for the set to grow.
     pub leave_when_finished: bool,
     /// How long the coordinator may be away before the worker gives up.
@@ -51,6 +53,7 @@ impl Default for Options {
             name: default_name(),
             credentials: Credentials::default(),
             threads: 0,
+            resolves_disputes: false,
             leave_when_finished: true,
             away_max: limits::worker::AWAY_MAX,
             connect_max: limits::worker::CONNECT_MAX,
@@ -175,7 +178,7 @@ impl Worker {
             .map_err(|error| WorkerError::Specification(error.to_string()))?;
         let specification = Arc::new(specification);
         // Before the renderer is prepared: a worker that is not wanted should hear so at once.
-        let registered = register(&connection, &options.name, &[], &specification).await;
+        let registered = register(&connection, &options, &[], &specification).await;
         let RegisterResponse {
             worker_id,
             lease_ms,
@@ -273,8 +276,8 @@ impl Worker {
             match leased {
                 // A coordinator that restarted knows the leases and not the worker.
                 Err(CallError::Refused(status)) if status.code() == Code::NotFound => {
-                    let name = &self.options.name;
-                    register(&self.connection, name, &self.id, &self.specification).await?;
+                    let options = &self.options;
+                    register(&self.connection, options, &self.id, &self.specification).await?;
                 }
                 leased => return leased,
             }
@@ -469,15 +472,16 @@ async fn renew_for_ever(worker: Arc<Worker>) {
 
 async fn register(
     connection: &Connection,
-    name: &str,
+    options: &Options,
     known: &[u8],
     specification: &Specification,
 ) -> Result<RegisterResponse, CallError> {
     let message = RegisterRequest {
-        name: name.to_owned(),
+        name: options.name.clone(),
         renderer_version: RENDERER_VERSION.to_owned(),
         specification_hash: specification.hash().as_bytes().to_vec(),
         worker_id: known.to_vec(),
+        resolves_disputes: options.resolves_disputes,
     };
     connection
         .call(message, async |mut client, request| {

@@ -20,7 +20,7 @@ pub(crate) use uploads::Md5;
 
 use crate::{
     metrics::Metrics, options::Options, presence::Presence, rate::Rate, report::Progress,
-    supervision::Supervisor, upload_slots::UploadSlots,
+    security::Tokens, supervision::Supervisor, upload_slots::UploadSlots,
 };
 use dataset::{Digest, Specification};
 use datastore::{AnyStore, SharedStore, Store};
@@ -71,6 +71,8 @@ pub(crate) struct Farm {
     publisher: Publisher,
     uploads: UploadSlots,
     redundant_per_million: u32,
+    // None where anybody may call anything.
+    tokens: Option<Tokens>,
     metrics: Arc<Metrics>,
     stopping: watch::Receiver<bool>,
 }
@@ -141,6 +143,7 @@ impl Farm {
             publisher,
             uploads: UploadSlots::new(uploads_at_once()),
             redundant_per_million: options.redundant_per_million,
+            tokens: options.security.tokens.clone(),
             metrics,
             stopping,
         };

@@ -7,7 +7,9 @@ use super::{
 };
 use crate::{presence::is_present, report::Report};
 use dataset::Digest;
-use jobqueue::{BlockCause, Mode, Selection, Stage, WorkerRecord};
+use jobqueue::{
+    BlockCause, JobState, Mode, RedundantRender, Selection, Stage, WorkerRecord, identity,
+};
 use jobstore::{JobsOrder, JobsPage, Workers, ledger::BlobPlace};
 use limits::protocol::{EVENT_READERS_MAX, QUARANTINED_LISTED_MAX, WORKERS_LISTED_MAX};
 use std::{collections::BTreeMap, time::Duration};
@@ -21,6 +23,14 @@ pub(crate) struct WorkerReport {
     pub completed: u64,
     pub silent: Option<Duration>,
     pub record: WorkerRecord,
+}
+
+/// Who contradicts whom.
+#[derive(Debug)]
+pub(crate) struct DisputeReport {
+    pub material: u32,
+    pub worker: String,
+    pub contradicted_by: String,
 }
 
 impl Farm {
@@ -60,6 +70,28 @@ impl Farm {
         let told = jobs.map(|(material, job, _)| {
             let errors = job.failures.into_iter().map(|failure| failure.error);
             (material, errors.collect())
+        });
+        Ok(told.collect())
+    }
+
+    /// Materials that two workers delivered differently, the first few.
+    pub async fn disputed(&self) -> Result<Vec<DisputeReport>, FarmError> {
+        let disputed = Selection::new(Vec::new(), vec![Stage::Disputed]);
+        let page = self.jobs(0, QUARANTINED_LISTED_MAX, &disputed).await?;
+        let told = page.jobs.into_iter().filter_map(|(material, job, _)| {
+            let JobState::Completed {
+                worker,
+                redundant: RedundantRender::Disputed(dispute),
+                ..
+            } = job.state
+            else {
+                return None;
+            };
+            Some(DisputeReport {
+                material,
+                worker,
+                contradicted_by: dispute.worker,
+            })
         });
         Ok(told.collect())
     }
@@ -107,18 +139,26 @@ impl Farm {
         Ok(!changed)
     }
 
-    /// Gives a worker no more work. Returns how many leases were taken back.
+    /// What an operator means by a name: a worker's full name, or that of a credential.
+    fn meant(&self, name: &str) -> String {
+        match &self.tokens {
+            Some(tokens) if tokens.knows_worker(name) => identity::full_name(Some(name), ""),
+            _ => name.to_owned(),
+        }
+    }
+
+    /// Gives a worker, or all of a credential, no more work. Returns how many leases were taken back.
     pub async fn block(&self, name: &str, reason: String) -> Result<u32, FarmError> {
         let changes = self
             .job_store
-            .block(name, BlockCause::Operator, reason)
+            .block(&self.meant(name), BlockCause::Operator, reason)
             .await?;
         self.tell_troubles(&changes);
         Ok(changes.jobs.len() as u32)
     }
 
     pub async fn unblock(&self, name: &str) -> Result<(), FarmError> {
-        if self.job_store.unblock(name).await?.is_none() {
+        if self.job_store.unblock(&self.meant(name)).await?.is_none() {
             return Err(FarmError::NotBlocked(name.to_owned()));
         }
         self.emit(Event::new(EventKind::Unblocked).worker(name));

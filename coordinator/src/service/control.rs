@@ -28,6 +28,7 @@ impl proto::Control for ControlService {
         let progress = report.progress;
         let counts = progress.counts;
         let quarantined = self.farm.quarantined().await?.into_iter();
+        let disputed = self.farm.disputed().await?.into_iter();
         Ok(Response::new(proto::StatusResponse {
             name: self.farm.specification.name.clone(),
             specification_hash: message_digest(&self.farm.specification_hash),
@@ -55,6 +56,13 @@ impl proto::Control for ControlService {
             finished: progress.finished,
             up_ms: report.up.as_millis() as u64,
             images_per_second: report.images_per_second,
+            disputed: disputed
+                .map(|dispute| proto::Disputed {
+                    material: dispute.material,
+                    worker: dispute.worker,
+                    contradicted_by: dispute.contradicted_by,
+                })
+                .collect(),
         }))
     }
 

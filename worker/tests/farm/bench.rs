@@ -223,6 +223,7 @@ impl Puppet {
             renderer_version: dataset::RENDERER_VERSION.to_owned(),
             specification_hash: bench.specification.hash().as_bytes().to_vec(),
             worker_id: Vec::new(),
+            resolves_disputes: false,
         };
         let answer = client.register(with_deadline(message)).await.unwrap();
         Self {

@@ -19,6 +19,7 @@ async fn a_worker_of_another_version_or_reading_is_told_what_to_install() {
         renderer_version: RENDERER_VERSION.to_owned(),
         specification_hash: bench.specification.hash().as_bytes().to_vec(),
         worker_id: Vec::new(),
+        resolves_disputes: false,
     };
     assert!(client.register(with_deadline(right.clone())).await.is_ok());
     let other_version = proto::RegisterRequest {

@@ -1,0 +1,64 @@
+//! `brdfarm jobs resolve`: what two workers delivered differently is rendered here, which decides.
+
+use crate::connection::CoordinatorOptions;
+use crate::plural::count;
+use crate::runtime::Runtime;
+use crate::{cores, shutdown};
+use clap::Args;
+use renderer::geometry::BackendChoice;
+use std::io::{self, Write};
+use worker::{RenderFailure, RendererBackend, Summary, Worker};
+
+/// Decide what two workers delivered differently
+///
+/// Renders every disputed material on this machine. Whoever delivered something else is blocked, and
+/// all that it alone vouches for is rendered again by others. Wants an operator's token.
+#[derive(Debug, Args)]
+pub struct Resolve {
+    #[command(flatten)]
+    coordinator: CoordinatorOptions,
+    /// Threads to render with; 0 takes one a core
+    #[arg(long, default_value_t = 0, value_name = "N",
+          value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
+    threads: u64,
+}
+
+/// Does it.
+pub fn execute(options: &Resolve) -> anyhow::Result<()> {
+    let runtime = Runtime::new()?;
+    let summary = runtime.block_on(resolve(options))?;
+    writeln!(
+        io::stdout(),
+        "{} decided; `brdfarm workers list` tells who is blocked",
+        count(summary.materials, "material")
+    )?;
+    anyhow::ensure!(
+        summary.failures + summary.lost == 0,
+        "{} could not be rendered, {} lost to another operator",
+        count(summary.failures, "material"),
+        summary.lost
+    );
+    Ok(())
+}
+
+async fn resolve(options: &Resolve) -> anyhow::Result<Summary> {
+    let worker_options = worker::Options {
+        threads: cores::count(options.threads),
+        credentials: options.coordinator.credentials()?,
+        resolves_disputes: true,
+        ..worker::Options::default()
+    };
+    let urls = [options.coordinator.url().to_owned()];
+    let connecting = Worker::connect(&urls, worker_options, |specification| {
+        RendererBackend::new(specification, BackendChoice::Auto)
+            .map_err(|error| RenderFailure(error.to_string()))
+    });
+    let mut asked = shutdown::flag()?;
+    let worker = tokio::select! {
+        worker = connecting => worker?,
+        () = shutdown::raised(&mut asked) => {
+            anyhow::bail!("stopped before the coordinator answered");
+        }
+    };
+    Ok(worker.run(asked).await?)
+}
