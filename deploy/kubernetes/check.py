@@ -3,6 +3,7 @@
 
     check.py RENDERED.yaml [--same-as OTHER.yaml]    # ends with 1 and a line for each fault
     check.py RENDERED.yaml --query                   # prints the autoscaler's statement
+    check.py RENDERED.yaml --core                    # prints the documents that are not KEDA's
 
 With --same-as the two have to be equal but for the suffixes of generated names.
 """
@@ -177,6 +178,25 @@ def services_exist(farm):
                 yield f"Service {service['metadata']['name']}: no pod has a port {port['targetPort']}"
 
 
+WANTED = {"coordinator": {"certificate.pem", "key.pem", "tokens"}, "worker": {"authority.pem", "token"}}
+
+
+def credentials_are_complete(farm):
+    """What a role is pointed to by --credentials has the files that it wants."""
+    for where, pod, _ in farm.pods():
+        secrets = {volume["name"]: volume["secret"]["secretName"]
+                   for volume in pod.get("volumes", []) if "secret" in volume}
+        for container in pod["containers"]:
+            words = container.get("args", [])
+            mounts = {mount["mountPath"]: mount["name"] for mount in container.get("volumeMounts", [])}
+            for word in words:
+                if word.startswith("--credentials="):
+                    secret = secrets.get(mounts.get(word.partition("=")[2]))
+                    data = farm.named.get(("Secret", secret), {}).get("data", {})
+                    for lacking in sorted(WANTED[words[0]] - data.keys()):
+                        yield f"{where}: {word} has no {lacking}"
+
+
 def mutual_tls_is_not_lost(farm):
     """Probes and workers here show no certificate, so a farm that asks for some cannot work."""
     for document in farm.of_kind("Secret"):
@@ -185,7 +205,8 @@ def mutual_tls_is_not_lost(farm):
 
 
 CHECKS = [names_resolve, selectors_select, containers_get_what_they_read,
-          secrets_are_private_and_readable, autoscaler_rules, services_exist, mutual_tls_is_not_lost]
+          secrets_are_private_and_readable, autoscaler_rules, services_exist, credentials_are_complete,
+          mutual_tls_is_not_lost]
 
 
 def without_suffixes(farm):
@@ -206,12 +227,17 @@ def main():
     parser.add_argument("rendered")
     parser.add_argument("--same-as")
     parser.add_argument("--query", action="store_true")
+    parser.add_argument("--core", action="store_true")
     options = parser.parse_args()
     with open(options.rendered) as file:
         farm = Farm(yaml.safe_load_all(file))
     if options.query:
         (scaled,) = farm.of_kind("ScaledObject")
         print(scaled["spec"]["triggers"][0]["metadata"]["query"])
+        return 0
+    if options.core:
+        core = [document for document in farm.documents if "keda.sh/" not in document["apiVersion"]]
+        yaml.safe_dump_all(core, sys.stdout)
         return 0
     faults = [fault for check in CHECKS for fault in check(farm)]
     if options.same_as:
