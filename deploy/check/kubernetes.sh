@@ -14,15 +14,29 @@ if ! find_python; then
   exit "$failed"
 fi
 
-# A copy with what its head tells to make; the files of the keys are empty.
+# A copy with what its head tells to make, but for what an editor and a cluster do.
 cp -r "$deploy/kubernetes" "$scratch/"
 example="$scratch/kubernetes/example"
-for file in "$example"/*.env.example; do
-  cp "$file" "${file%.example}"
-done
-mkdir -p "$example"/keys/{coordinator,worker}
-touch "$example"/keys/coordinator/{certificate.pem,key.pem,tokens} \
-  "$example"/keys/worker/{authority.pem,token}
+program="$(find_program || true)"
+follow_head() {
+  mkdir "$scratch/bin"
+  ln -s "$program" "$scratch/bin/brdfarm"
+  (cd "$example" && PATH="$scratch/bin:$PATH" bash -euo pipefail -c \
+    "$(commands_of kustomization.yaml 1 | grep -Ev '^(kubectl|"\$\{EDITOR)')") > /dev/null
+}
+if [[ -n "$program" ]]; then
+  judge kubernetes 'the commands at the head of the example' follow_head
+  open="$(find "$example/keys" "$example"/*.env -type f -perm /077)"
+  [[ -z "$open" ]] || wrong kubernetes "others read $open"
+else
+  unchecked kubernetes 'the program is not built, BRDFARM names it: keys are empty files'
+  for file in "$example"/*.env.example; do
+    cp "$file" "${file%.example}"
+  done
+  mkdir -p "$example"/keys/{coordinator,worker}
+  touch "$example"/keys/coordinator/{certificate.pem,key.pem,tokens} \
+    "$example"/keys/worker/{authority.pem,token}
+fi
 
 check="$deploy/kubernetes/check.py"
 if python3 "$deploy/kubernetes/render.py" "$example" > "$scratch/rendered.yaml"; then
@@ -58,7 +72,7 @@ if [[ -n "${CHECK_WITHOUT_DATABASE:-}" ]]; then
   unchecked 'kubernetes: the autoscaler asks' 'CHECK_WITHOUT_DATABASE is set'
 elif ! compgen -G '/usr/lib/postgresql/*/bin/initdb' > /dev/null; then
   unchecked 'kubernetes: the autoscaler asks' 'PostgreSQL is not installed'
-elif ! program="$(find_program)"; then
+elif [[ -z "$program" ]]; then
   unchecked 'kubernetes: the autoscaler asks' 'the program is not built; BRDFARM names it'
 else
   python3 "$check" "$scratch/rendered.yaml" --query > "$scratch/query.sql"

@@ -81,21 +81,22 @@ with_database breaks kubernetes $base/database-reader.sql 'the autoscaler asks' 
 with_database breaks kubernetes $base/database-reader.sql 'the reader reads tokens' 's/tallies, farm/tallies, farm, leases/'
 breaks kubernetes $base/network.yaml 'selects no pod' 's/component: database-reader/component: reader/'
 breaks kubernetes kubernetes/example/kustomization.yaml 'the autoscaler' 's/DATABASE_NAME=brdfarm/DATABASE_NAME=farm/'
+breaks kubernetes kubernetes/example/kustomization.yaml 'others read' 's/umask 077/umask 022/'
 breaks kubernetes kubernetes/example/kustomization.yaml 'has no tokens' '/keys\/coordinator\/tokens/d'
 if command -v kubectl > /dev/null; then
   breaks kubernetes kubernetes/render.py 'the two renderings differ' \
     's/documents.append\(document\)/documents.append(document | {"immutable": True})/'
 fi
 
-breaks compose compose/compose.yaml 'no port of this machine leads to it' '/127\.0\.0\.1:7117/d'
+breaks compose compose/compose.yaml 'no port of this machine leads to it' '/127\.0\.0\.1:711/d'
 breaks compose compose/compose.yaml 'is open to other machines' 's/127\.0\.0\.1:7117/7117/'
 breaks compose compose/compose.yaml 'names database, which is no service' 's|brdfarm@postgres/|brdfarm@database/|'
 breaks compose compose/compose.yaml 'nothing mounts /run/keys' 's|worker:/run/keys:ro|worker:/keys:ro|'
-as_root breaks compose compose/prepare.sh 'cannot read ./keys/' 's|chown -R "\$user" keys/coordinator|chown "\$user"|'
+as_root breaks compose compose/prepare.sh 'cannot read ./keys/' 's|chown -R "\$user" keys/coordinator|chown -R "\$user"|'
 # What prepare.sh did.
 as_root breaks compose compose/prepare.sh 'everybody reads keys/operator/token' '$ s/$/\nchmod -R a+rX keys/'
 as_root breaks compose compose/prepare.sh 'containers'\'' user reads keys/operator' '$ s/$/\nchown -R 10001 keys || true/'
-as_root breaks compose compose/prepare.sh 'everybody reads farm.env' 's/^umask 077/umask 022/'
+as_root breaks compose compose/prepare.sh 'everybody reads farm.env' 's/^umask 077/umask 022/; /^chmod -R go=/d'
 ! command -v cargo > /dev/null || breaks image Dockerfile.dockerignore 'cargo metadata' '/^!jobqueue$/d'
 
 seen='each of %s breakages was seen'

@@ -29,12 +29,15 @@ if [[ ! -e farm.env ]]; then
   printf 'PGPASSWORD=%s\nAWS_ACCESS_KEY_ID=%s\nAWS_SECRET_ACCESS_KEY=%s\n' \
     "$database" "$access" "$secret" > farm.env
 fi
+# What an earlier version of this made, others could read.
+chmod -R go= keys farm.env database.secret s3.json
 user="$(id -u):$(id -g)"
 if docker info --format '{{.SecurityOptions}}' 2> /dev/null | grep -q rootless; then
   # Of a rootless engine root within is whoever runs it.
   user=0:0
 elif [[ "$(id -u)" == 0 ]]; then
   user=10001:10001
+  chown -R 0:0 keys
   chown -R "$user" keys/coordinator keys/worker dataset.toml
 fi
 printf 'BRDFARM_USER=%s\n' "$user" > .env

@@ -214,6 +214,10 @@ def without_suffixes(farm):
     cut = {name: name.rpartition("-")[0] for kind, name in farm.named if kind in {"ConfigMap", "Secret"}}
     texts = {}
     for document in farm.documents:
+        if document["kind"] == "Secret":
+            # kubectl breaks long lines of base64.
+            data = {key: "".join(text.split()) for key, text in document["data"].items()}
+            document = document | {"data": data}
         text = json.dumps(document, sort_keys=True)
         for name, short in cut.items():
             text = text.replace(json.dumps(name), json.dumps(short))
