@@ -2,13 +2,15 @@
 //! insecure one.
 
 use crate::failure::BadInput;
+use crate::plural::count;
 use anyhow::Context;
 use clap::Args;
+use jobqueue::identity::{OPERATOR, is_credential_name};
 use rcgen::{
     BasicConstraints, CertificateParams, CertifiedIssuer, DnType, ExtendedKeyUsagePurpose, IsCa,
     KeyPair, KeyUsagePurpose,
 };
-use std::fs::{DirBuilder, OpenOptions};
+use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -44,20 +46,29 @@ pub struct Options {
     /// Let nobody in without a certificate of this authority, whatever token they have
     #[arg(long)]
     mutual_tls: bool,
+    /// Makes a credential of its own for a worker, in DIR/workers/NAME; can be repeated, and adds to a
+    /// folder that is there already. Whoever has a credential answers for all that is delivered with
+    /// it: give each machine, or each person, one of its own
+    #[arg(long = "worker", value_name = "NAME")]
+    workers: Vec<String>,
 }
 
 /// Makes them.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let folder = &options.folder;
+    check_names(&options.workers)?;
     if folder.exists() {
-        let what = format!("{} is there already: choose a new folder", folder.display());
-        return Err(BadInput(what).into());
+        if options.workers.is_empty() {
+            let what = format!(
+                "{} is there already: choose a new folder, or add workers to it with --worker",
+                folder.display()
+            );
+            return Err(BadInput(what).into());
+        }
+        return add_workers(options);
     }
     make_folder(folder)?;
     let authority = authority(options.days)?;
-    let tokens = ROLES.map(|role| Ok((role, token()?)));
-    let tokens = tokens.into_iter().collect::<anyhow::Result<Vec<_>>>()?;
-
     let coordinator = folder.join("coordinator");
     make_folder(&coordinator)?;
     let mut hosts = vec![
@@ -75,29 +86,121 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         options.days,
         &coordinator,
     )?;
-    let lines: Vec<String> = tokens
-        .iter()
-        .map(|(role, token)| format!("{role} {token}\n"))
-        .collect();
-    write(&coordinator.join("tokens"), &lines.concat())?;
     if options.mutual_tls {
         write(&coordinator.join("client-authority.pem"), &authority.pem())?;
     }
-    for (role, token) in tokens {
-        let folder = folder.join(role);
-        make_folder(&folder)?;
-        let usage = ExtendedKeyUsagePurpose::ClientAuth;
-        let name = format!("brdfarm {role}");
-        sign(&authority, &name, Vec::new(), usage, options.days, &folder)?;
-        write(&folder.join("token"), &token)?;
-        write(&folder.join("authority.pem"), &authority.pem())?;
+    let mut lines = String::new();
+    for role in ROLES {
+        let token = make_client(
+            options,
+            &authority,
+            &folder.join(role),
+            role,
+            &authority.pem(),
+        )?;
+        let name = if role == "worker" { " worker" } else { "" };
+        lines += &format!("{role} {token}{name}\n");
     }
-    let folder = folder.display();
+    lines += &make_workers(options, &authority, &authority.pem())?;
+    write(&coordinator.join("tokens"), &lines)?;
+    tell(options)
+}
+
+/// Adds workers to the folder that an earlier call made. The authority's key of that time is gone:
+/// where certificates are asked for, another authority's word about clients counts as well.
+fn add_workers(options: &Options) -> anyhow::Result<()> {
+    let coordinator = options.folder.join("coordinator");
+    let tokens = coordinator.join("tokens");
+    let unreadable = || BadInput(format!("{} cannot be read", tokens.display()));
+    let known = fs::read_to_string(&tokens).with_context(unreadable)?;
+    for name in &options.workers {
+        let taken = known
+            .lines()
+            .any(|line| line.split(' ').nth(2) == Some(name));
+        if taken || options.folder.join("workers").join(name).exists() {
+            return Err(BadInput(format!("--worker {name}: there is one already")).into());
+        }
+    }
+    let authority = authority(options.days)?;
+    let believed = fs::read_to_string(options.folder.join("worker").join("authority.pem"))?;
+    let lines = make_workers(options, &authority, &believed)?;
+    let clients = coordinator.join("client-authority.pem");
+    if clients.exists() {
+        append(&clients, &authority.pem())?;
+    }
+    append(&tokens, &lines)?;
+    writeln!(
+        io::stdout(),
+        "{} in {}/workers; start the coordinator again, so that it knows them",
+        count(options.workers.len() as u64, "worker"),
+        options.folder.display()
+    )?;
+    Ok(())
+}
+
+/// Makes the folders of named workers; returns their lines of the coordinator's tokens.
+fn make_workers(
+    options: &Options,
+    authority: &CertifiedIssuer<'static, KeyPair>,
+    believed: &str,
+) -> anyhow::Result<String> {
+    let workers = options.folder.join("workers");
+    if !options.workers.is_empty() && !workers.exists() {
+        make_folder(&workers)?;
+    }
+    let mut lines = String::new();
+    for name in &options.workers {
+        let token = make_client(options, authority, &workers.join(name), "worker", believed)?;
+        lines += &format!("worker {token} {name}\n");
+    }
+    Ok(lines)
+}
+
+/// Makes what a client shows and believes; returns its token.
+fn make_client(
+    options: &Options,
+    authority: &CertifiedIssuer<'static, KeyPair>,
+    folder: &Path,
+    role: &str,
+    believed: &str,
+) -> anyhow::Result<String> {
+    make_folder(folder)?;
+    let usage = ExtendedKeyUsagePurpose::ClientAuth;
+    let name = format!("brdfarm {role}");
+    sign(authority, &name, Vec::new(), usage, options.days, folder)?;
+    let token = token()?;
+    write(&folder.join("token"), &token)?;
+    write(&folder.join("authority.pem"), believed)?;
+    Ok(token)
+}
+
+fn check_names(names: &[String]) -> anyhow::Result<()> {
+    for (number, name) in names.iter().enumerate() {
+        if !is_credential_name(name) || name == OPERATOR || name == "worker" {
+            let what = format!(
+                "--worker {name}: a name has 1 to 64 letters, digits, dots, hyphens and underscores, \
+                 and is neither \"operator\" nor \"worker\""
+            );
+            return Err(BadInput(what).into());
+        }
+        if names[..number].contains(name) {
+            return Err(BadInput(format!("--worker {name}: it is given twice")).into());
+        }
+    }
+    Ok(())
+}
+
+fn tell(options: &Options) -> anyhow::Result<()> {
+    let folder = options.folder.display();
     let host = options.hosts.first().map_or("localhost", String::as_str);
+    let worker = match options.workers.first() {
+        Some(name) => format!("workers/{name}"),
+        None => "worker".to_owned(),
+    };
     writeln!(
         io::stdout(),
         "brdfarm coordinator serve --listen 0.0.0.0:7117 --credentials {folder}/coordinator\n\
-         brdfarm worker connect https://{host}:7117 --credentials {folder}/worker\n\
+         brdfarm worker connect https://{host}:7117 --credentials {folder}/{worker}\n\
          brdfarm status --coordinator https://{host}:7117 --credentials {folder}/reader"
     )?;
     Ok(())
@@ -169,6 +272,13 @@ fn make_folder(path: &Path) -> anyhow::Result<()> {
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
     let mut options = OpenOptions::new();
     let file = options.write(true).create_new(true).mode(0o600).open(path);
+    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    written.with_context(|| format!("cannot write {}", path.display()))
+}
+
+/// Adds to a file of this folder.
+fn append(path: &Path, text: &str) -> anyhow::Result<()> {
+    let file = OpenOptions::new().append(true).open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.with_context(|| format!("cannot write {}", path.display()))
 }

@@ -1,0 +1,89 @@
+//! What honest workers deliver, and what liars do.
+
+use dataset::{Digest, Specification};
+use proto::{ErrorStatistics, View};
+use renderer::{Renderer, Rendering, encode_exr, geometry::BackendChoice};
+use std::sync::Arc;
+
+/// The images of a set, each as its message.
+pub struct Images {
+    pub specification: Specification,
+    truth: Vec<Arc<Vec<View>>>,
+    lies: Vec<Arc<Vec<View>>>,
+}
+
+fn message(data: Vec<u8>, rendering: &Rendering) -> View {
+    let statistics = &rendering.statistics;
+    View {
+        digest: Digest::of(&data).as_bytes().to_vec(),
+        size: data.len() as u64,
+        statistics: Some(ErrorStatistics {
+            mean: statistics.mean,
+            p95: statistics.p95,
+            max: statistics.max,
+            within_target: statistics.within_target,
+            samples: statistics.samples,
+            evaluations: statistics.evaluations,
+        }),
+        md5: Vec::new(),
+        image: data.into(),
+    }
+}
+
+impl Images {
+    /// Those of the preset's first materials, 16 x 16.
+    pub fn render(materials: u32) -> Arc<Self> {
+        let text = format!("materials = {materials}\n[image]\nwidth = 16\nheight = 16\n");
+        let specification = Specification::from_toml(&text, "a test").unwrap();
+        let renderer = Renderer::new(&specification, BackendChoice::Native).unwrap();
+        let views = specification.views.len() as u32;
+        let rendered: Vec<Vec<Rendering>> = (0..materials)
+            .map(|index| {
+                let material = specification.material(index).material;
+                let views = 0..views;
+                let render = |view| renderer.render(&material, Some(index), view).unwrap();
+                views.map(render).collect()
+            })
+            .collect();
+        let truth = rendered.iter().map(|views| {
+            let views = views.iter();
+            Arc::new(views.map(|view| message(view.exr.clone(), view)).collect())
+        });
+        // The next material's pixels under this one's header.
+        let lies = rendered.iter().zip(rendered.iter().cycle().skip(1));
+        let lies = lies.map(|(own, other)| {
+            let views = own.iter().zip(other);
+            let lie = |(own, other): (&Rendering, &Rendering)| {
+                let luminance = specification.white_luminance();
+                let pixel = specification.image.pixel;
+                let data = encode_exr(&other.film, pixel, &own.header, luminance).unwrap();
+                message(data, own)
+            };
+            Arc::new(views.map(lie).collect())
+        });
+        Arc::new(Self {
+            truth: truth.collect(),
+            lies: lies.collect(),
+            specification,
+        })
+    }
+
+    pub fn truth(&self, material: u32) -> Vec<View> {
+        self.truth[material as usize].to_vec()
+    }
+
+    pub fn lie(&self, material: u32) -> Vec<View> {
+        self.lies[material as usize].to_vec()
+    }
+
+    /// The truth, said to be of no error.
+    pub fn praise(&self, material: u32) -> Vec<View> {
+        let mut views = self.truth(material);
+        for view in &mut views {
+            let statistics = view.statistics.as_mut().unwrap();
+            statistics.mean = 0.0;
+            statistics.p95 = 0.0;
+        }
+        views
+    }
+}
