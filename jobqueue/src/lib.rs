@@ -22,6 +22,7 @@
 mod completion;
 mod consensus;
 mod leasing;
+mod looking;
 mod operating;
 mod policy;
 mod record;
@@ -33,6 +34,7 @@ mod workers;
 pub use completion::Completion;
 pub use consensus::{Refusal, Standing, Verdict};
 pub use leasing::{Lease, LostLease, unleased};
+pub use looking::Look;
 pub use policy::Policy;
 pub use record::{
     Block, BlockCause, Changes, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
@@ -255,8 +257,9 @@ impl Queue {
         self.jobs.from(from)
     }
 
-    /// The materials of a selection, in order.
-    pub fn selected(&self, selection: &Selection) -> Vec<u32> {
+    /// The materials of a selection, in order. Looks at every job.
+    #[cfg(test)]
+    fn selected(&self, selection: &Selection) -> Vec<u32> {
         let jobs = self.jobs_from(0);
         let selected = jobs.filter(|(material, job)| selection.contains(*material, job));
         selected.map(|(material, _)| material).collect()

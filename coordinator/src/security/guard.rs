@@ -2,8 +2,9 @@
 //! read: a bound on the memory that all messages under way take together, and on the time that one
 //! may take to arrive.
 
-use super::{Role, Tokens};
+use super::{Role, Tokens, strangers::Peer};
 use crate::{metrics::Metrics, service::refuse};
+use dataset::Digest;
 use http::{Request, Response, header::AUTHORIZATION};
 use http_body::{Frame, SizeHint};
 use std::{
@@ -16,7 +17,7 @@ use std::{
     task::{Context, Poll},
 };
 use tokio::time::{Instant, Sleep, sleep};
-use tonic::{Code, Status, body::Body};
+use tonic::{Code, Status, body::Body, transport::server::TlsConnectInfo};
 use tower::{Layer, Service};
 
 /// The calls that a reader may make; everything else of the same service is for operators.
@@ -27,6 +28,10 @@ const READERS_CALLS: [&str; 5] = [
     "WatchEvents",
     "GetBlob",
 ];
+
+/// Whose token a call showed, by the token's digest.
+#[derive(Clone, Copy)]
+pub(crate) struct Caller(pub Digest);
 
 /// Puts a [`Guarded`] before a service.
 #[derive(Clone)]
@@ -69,14 +74,14 @@ impl Guard {
         }
     }
 
-    fn admit<B>(&self, request: &Request<B>) -> Result<(), Status> {
+    fn admit<B>(&self, request: &Request<B>) -> Result<Option<Caller>, Status> {
         let Some(tokens) = &self.tokens else {
-            return Ok(());
+            return Ok(None);
         };
         let path = request.uri().path();
         // Whether it is alive anybody may ask, as those do who start it again.
         if path.starts_with("/grpc.health.v1.Health/") {
-            return Ok(());
+            return Ok(None);
         }
         let shown = request.headers().get(AUTHORIZATION);
         let shown = shown.and_then(|value| value.as_bytes().strip_prefix(b"Bearer "));
@@ -89,11 +94,19 @@ impl Guard {
             return Err(refuse(Code::Unauthenticated, "UNKNOWN_TOKEN", what));
         };
         if may(role, path) {
-            return Ok(());
+            return Ok(Some(Caller(Digest::of(shown))));
         }
         let what = format!("a token of the role {role:?} is not for this call").to_lowercase();
         Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
     }
+}
+
+/// Who is at the other end of a call's connection; nobody where there is none, as in a test.
+fn peer<B>(request: &Request<B>) -> Option<&Peer> {
+    let extensions = request.extensions();
+    let encrypted = extensions.get::<TlsConnectInfo<Peer>>();
+    let plain = || extensions.get::<Peer>();
+    encrypted.map(TlsConnectInfo::get_ref).or_else(plain)
 }
 
 fn may(role: Role, path: &str) -> bool {
@@ -186,13 +199,26 @@ where
         self.service.poll_ready(context)
     }
 
-    fn call(&mut self, request: Request<Body>) -> Answer<S::Error> {
+    fn call(&mut self, mut request: Request<Body>) -> Answer<S::Error> {
         let began = Instant::now();
         let path = request.uri().path().to_owned();
         let metrics = Arc::clone(&self.guard.metrics);
-        if let Err(status) = self.guard.admit(&request) {
-            metrics.note_call(&path, began.elapsed(), Some(status.code()));
-            return Box::pin(async move { Ok(status.into_http()) });
+        match self.guard.admit(&request) {
+            Ok(caller) => {
+                // Asking after the health takes no token, and makes nobody known.
+                if (self.guard.tokens.is_none() || caller.is_some())
+                    && let Some(peer) = peer(&request)
+                {
+                    peer.introduce();
+                }
+                if let Some(caller) = caller {
+                    request.extensions_mut().insert(caller);
+                }
+            }
+            Err(status) => {
+                metrics.note_call(&path, began.elapsed(), Some(status.code()));
+                return Box::pin(async move { Ok(status.into_http()) });
+            }
         }
         let share = Arc::new(Share {
             budget: self.guard.budget.clone(),

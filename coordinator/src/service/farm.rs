@@ -5,8 +5,12 @@ use super::{
     refusal::{invalid, is_momentary, too_many},
     token, worker,
 };
-use crate::farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial};
+use crate::{
+    farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial},
+    security::guard::Caller,
+};
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
+use imagestore::staging::{Credential, LeaseOf};
 use jobstore::Renewal;
 use std::{sync::Arc, time::Duration};
 use tonic::{Request, Response, Status};
@@ -108,6 +112,7 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::FindMissingBlobsRequest>,
     ) -> Answer<proto::FindMissingBlobsResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         if message.digests.len() > limits::protocol::DIGESTS_PER_CALL_MAX {
             let max = limits::protocol::DIGESTS_PER_CALL_MAX;
@@ -115,7 +120,19 @@ impl proto::Farm for FarmService {
         }
         let digests = message.digests.iter().map(|bytes| digest("digests", bytes));
         let digests = digests.collect::<Result<Vec<Digest>, Status>>()?;
-        let missing = self.farm.find_missing(digests).await?;
+        // Whoever sends images one by one says for which job, and finds room for them.
+        let sender = match message.token.as_slice() {
+            [] => None,
+            bytes => {
+                let token = token(bytes)?;
+                let lease = LeaseOf {
+                    material: message.material,
+                    token,
+                };
+                Some((lease, by))
+            }
+        };
+        let missing = self.farm.find_missing(sender, digests).await?;
         Ok(Response::new(proto::FindMissingBlobsResponse {
             missing: missing.iter().map(message_digest).collect(),
             upload_by_url: self.farm.takes_uploads_by_url(),
@@ -155,10 +172,20 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::PutBlobRequest>,
     ) -> Answer<proto::PutBlobResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         let digest = digest("digest", &message.digest)?;
+        if message.token.is_empty() {
+            let reason = "an image is sent under the lease of its material, and this call names \
+                          none: install the brdfarm that the coordinator runs";
+            return Err(invalid("token", reason));
+        }
+        let lease = LeaseOf {
+            material: message.material,
+            token: token(&message.token)?,
+        };
         self.farm
-            .put_blob(digest, message.size, message.data)
+            .put_blob(lease, by, digest, message.size, message.data)
             .await?;
         Ok(Response::new(proto::PutBlobResponse {}))
     }
@@ -167,6 +194,7 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::CompleteRequest>,
     ) -> Answer<proto::CompleteResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         let token = token(&message.token)?;
         if message.views.len() > limits::protocol::VIEWS_MAX {
@@ -181,6 +209,7 @@ impl proto::Farm for FarmService {
             material: message.material,
             images: images.collect::<Result<_, Status>>()?,
             seconds: message.seconds,
+            by,
         };
         check_brought(&rendered)?;
         let span = info_span!("job", material = message.material, lease = %token);
@@ -232,6 +261,12 @@ impl proto::Farm for FarmService {
         let released = self.farm.deregister(worker).await?;
         Ok(Response::new(proto::DeregisterResponse { released }))
     }
+}
+
+/// Whose token a call showed.
+fn caller<M>(request: &Request<M>) -> Credential {
+    let caller = request.extensions().get::<Caller>();
+    caller.map(|Caller(digest)| *digest)
 }
 
 fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {
