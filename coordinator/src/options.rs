@@ -21,6 +21,9 @@ pub struct Options {
     /// and no image taken in, and [`limits::DISK_RESERVE_FOR_RECORDS_BYTES`] below it nothing is
     /// recorded, until there is room again.
     pub disk_reserve_bytes: u64,
+    /// Room for images that are accepted and not yet completed, and for those that their jobs still
+    /// send, bytes.
+    pub staged_bytes_max: u64,
     /// Of a million completed materials, how many are rendered a second time by another worker, and
     /// have to come out the same. 0 believes everybody: then newcomers are not looked at, either.
     pub redundant_per_million: u32,
@@ -61,6 +64,7 @@ impl Default for Options {
             metrics: None,
             policy: Policy::default(),
             disk_reserve_bytes: limits::DISK_RESERVE_BYTES,
+            staged_bytes_max: limits::STAGED_BYTES_MAX,
             redundant_per_million: limits::REDUNDANT_PER_MILLION,
             retry_quarantined: true,
             keep_leases: true,

@@ -16,6 +16,7 @@
 pub mod colour;
 mod digest;
 mod hard_cases;
+mod image_file;
 mod image_label;
 mod index_list;
 pub mod keystream;
@@ -29,6 +30,10 @@ pub mod view;
 
 pub use digest::{Digest, ParseDigestError};
 pub use hard_cases::{HARD_CASES, HardCase};
+pub use image_file::{
+    IMAGE_BLOCK_LINES, IMAGE_SOFTWARE, REC709_CHROMATICITIES, image_file_bytes_max,
+    image_file_header, image_line_bytes,
+};
 pub use image_label::{ErrorStatistics, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION};
 pub use index_list::{IndexList, IndexListError};
 pub use manifest::{CompletedView, blob_path};

@@ -294,7 +294,7 @@ fn verify_image(
         };
         (kind, fault.to_string())
     })?;
-    let decoded = decode(&bytes, &store.specification().image)
+    let decoded = decode(&bytes, store.specification())
         .and_then(|decoded| check_identity(&decoded.header, expected).map(|()| decoded))
         .map_err(|rejection| {
             let kind = match rejection {

@@ -194,7 +194,7 @@ fn pixels(store: &ReadOnlyStore, row: &Row) -> Result<Vec<[f32; 3]>, DiffError> 
         Ok(bytes) => bytes,
         Err(fault) => return Err(failed(fault.to_string())),
     };
-    let decoded = decode(&bytes, &store.specification().image);
+    let decoded = decode(&bytes, store.specification());
     Ok(decoded
         .map_err(|rejection| failed(rejection.to_string()))?
         .pixels)

@@ -146,7 +146,7 @@ pub fn statistics(
                     unreachable!("one is read for each image");
                 };
                 let bytes = bytes.map_err(|fault| faulty(fault.to_string()))?;
-                let decoded = decode(&bytes, &specification.image)
+                let decoded = decode(&bytes, specification)
                     .map_err(|rejection| faulty(rejection.to_string()))?;
                 let channels = decoded.pixels.as_flattened().iter();
                 let brightest = channels.copied().fold(0.0, f32::max);

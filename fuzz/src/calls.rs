@@ -125,8 +125,16 @@ async fn one(
             renewals.for_each(|renewal| current(&mut renewal.token));
             answered(farm.renew(renew).await).is_some()
         }
-        b'M' => answered(farm.find_missing_blobs(request(message)?).await).is_some(),
-        b'P' => answered(farm.put_blob(request(message)?).await).is_some(),
+        b'M' => {
+            let mut find: Request<proto::FindMissingBlobsRequest> = request(message)?;
+            current(&mut find.get_mut().token);
+            answered(farm.find_missing_blobs(find).await).is_some()
+        }
+        b'P' => {
+            let mut put: Request<proto::PutBlobRequest> = request(message)?;
+            current(&mut put.get_mut().token);
+            answered(farm.put_blob(put).await).is_some()
+        }
         b'C' => {
             let mut complete: Request<proto::CompleteRequest> = request(message)?;
             current(&mut complete.get_mut().token);

@@ -1,16 +1,20 @@
 //! Images that workers send.
 
-use crate::fixtures::film;
-use dataset::{ImageHeader, Specification, specification::Pixel};
-use imagestore::validation::{check_identity, decode, expected_headers, inspect};
+use crate::fixtures::{SPECIFICATION, film};
+use dataset::{ImageHeader, Specification, image_file_header, specification::Pixel};
+use imagestore::validation::{
+    check_identity, check_size, decode, expected_headers, image_bytes_max, inspect,
+};
 
 /// Reads an image as uploads, imports and `verify` do.
 pub fn image(bytes: &[u8]) -> bool {
     let mut accepted = false;
     for pixel in [Pixel::Half, Pixel::Float] {
-        let film = film(pixel);
-        let inspected = inspect(bytes, &film);
-        let decoded = decode(bytes, &film);
+        let mut specification = SPECIFICATION.clone();
+        specification.image = film(pixel);
+        let film = &specification.image;
+        let inspected = inspect(bytes, &specification);
+        let decoded = decode(bytes, &specification);
         // Which of an image's faults each names is its own affair.
         assert_eq!(
             inspected.ok(),
@@ -19,6 +23,10 @@ pub fn image(bytes: &[u8]) -> bool {
         );
         if let Ok(decoded) = decoded {
             accepted = true;
+            let file_header = image_file_header(&specification, &decoded.header);
+            assert!(bytes.starts_with(&file_header), "another header");
+            let size = bytes.len() as u64;
+            check_size(size, &specification, &decoded.header).unwrap();
             let (width, height) = (film.width as usize, film.height as usize);
             assert_eq!(decoded.pixels.len(), width * height);
             let mut values = decoded.pixels.iter().flatten();
@@ -40,6 +48,15 @@ pub fn image_header(bytes: &[u8]) -> bool {
     for expected in expected_headers(&specification, specification.hash(), 0) {
         let same = check_identity(&header, &expected);
         assert_eq!(same.is_ok(), header == expected);
+    }
+    // No file that begins as an image of this label does is read as one of another label, however
+    // odd the label is.
+    let file_header = image_file_header(&specification, &header);
+    assert!(image_bytes_max(&specification, &header) > file_header.len() as u64);
+    let mut file = file_header;
+    file.extend(bytes);
+    if let Ok(read) = inspect(&file, &specification) {
+        assert_eq!(read, header);
     }
     true
 }

@@ -197,6 +197,8 @@ fn calls() -> Vec<u8> {
         .map(|view| view.digest.as_bytes().to_vec());
     let find = proto::FindMissingBlobsRequest {
         digests: digests.collect(),
+        token: token.clone(),
+        material: 0,
     };
     call(b'M', find.encode_to_vec());
     // The first comes along with the completion.
@@ -207,6 +209,8 @@ fn calls() -> Vec<u8> {
             digest: view.digest.as_bytes().to_vec(),
             size: view.bytes,
             data: image.into(),
+            token: token.clone(),
+            material: 0,
         };
         call(b'P', put.encode_to_vec());
     }

@@ -9,6 +9,7 @@
 
 pub mod blobs;
 pub mod bucket;
+mod exact_file;
 mod file_error;
 pub mod room;
 pub mod staging;

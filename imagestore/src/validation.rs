@@ -1,12 +1,14 @@
 //! What is accepted as an image of a dataset.
 //!
 //! The bytes are anybody's until they have passed here. The header is read first, by a reader that
-//! never reserves more than a few megabytes ahead of the bytes it has; only when it describes the
-//! very film, channels and layout that the renderer writes are pixels decoded, so one flipped bit
-//! cannot ask for gigabytes.
+//! never reserves more than a few megabytes ahead of the bytes it has; only when it is, byte for
+//! byte, the header that the renderer writes are pixels decoded, so one flipped bit cannot ask for
+//! gigabytes, and nothing can be hidden between the pixels.
 
+use crate::exact_file;
 use dataset::{
-    Digest, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION, Specification,
+    Digest, IMAGE_BLOCK_LINES, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION,
+    Specification,
     specification::{Image, Pixel},
 };
 use exr::{
@@ -25,9 +27,6 @@ use std::{
     panic::{self, AssertUnwindSafe},
 };
 use thiserror::Error;
-
-/// Scan lines in a block of ZIP16.
-const LINES_PER_BLOCK: usize = 16;
 
 /// Why bytes are no image of the dataset.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -56,6 +55,9 @@ pub enum Rejection {
     /// The attribute that says which image it is is absent or malformed.
     #[error("the image's attribute {IMAGE_HEADER_ATTRIBUTE:?} {0}")]
     Attribute(String),
+    /// The file's header is not, byte for byte, what the renderer writes.
+    #[error("the image's file header {0}")]
+    FileHeader(String),
     /// A pixel's value is no radiance.
     #[error("line {line} of the image has a value that is {what}")]
     Pixel {
@@ -95,32 +97,59 @@ pub struct Decoded {
     pub pixels: Vec<[f32; 3]>,
 }
 
-/// Reads a whole image under bounds and returns what it says of itself. `film` is the dataset's.
-pub fn inspect(bytes: &[u8], film: &Image) -> Result<ImageHeader, Rejection> {
-    read_guarded(bytes, film, |_| {})
+/// Reads a whole image of a dataset under bounds and returns what it says of itself.
+pub fn inspect(bytes: &[u8], specification: &Specification) -> Result<ImageHeader, Rejection> {
+    read_guarded(bytes, specification, |_| {})
 }
 
-/// Reads a whole image under bounds, pixels and all. `film` is the dataset's.
-pub fn decode(bytes: &[u8], film: &Image) -> Result<Decoded, Rejection> {
+/// Reads a whole image of a dataset under bounds, pixels and all.
+pub fn decode(bytes: &[u8], specification: &Specification) -> Result<Decoded, Rejection> {
+    let film = &specification.image;
     let mut pixels = vec![[0.0; 3]; film.width as usize * film.height as usize];
-    let header = read_guarded(bytes, film, |block| place_pixels(block, film, &mut pixels))?;
+    let place = |block: &_| place_pixels(block, film, &mut pixels);
+    let header = read_guarded(bytes, specification, place)?;
     Ok(Decoded { header, pixels })
+}
+
+/// Checks the size that an image is said to have, given what it has to say of itself.
+pub fn check_size(
+    bytes: u64,
+    specification: &Specification,
+    header: &ImageHeader,
+) -> Result<(), Rejection> {
+    check_size_max(bytes, image_bytes_max(specification, header))
+}
+
+/// Checks that an image is no larger than `bytes_max`.
+pub fn check_size_max(bytes: u64, bytes_max: u64) -> Result<(), Rejection> {
+    if bytes > bytes_max {
+        let expected = format_args!("at most {bytes_max}");
+        return Err(layout("size in bytes", bytes, expected));
+    }
+    Ok(())
+}
+
+/// The largest file that an image can be which says this of itself, bytes: raw pixels and what the
+/// renderer writes around them.
+pub fn image_bytes_max(specification: &Specification, header: &ImageHeader) -> u64 {
+    exact_file::bytes_max(specification, header)
 }
 
 fn read_guarded(
     bytes: &[u8],
-    film: &Image,
+    specification: &Specification,
     visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     // The decoder is not ours: should some input make it panic, it is a bad image like any other,
     // and what was visited of it is dropped.
-    panic::catch_unwind(AssertUnwindSafe(|| read_unguarded(bytes, film, visit))).unwrap_or_else(
-        |_| {
-            Err(Rejection::Unreadable(
-                "the decoder gave up on it".to_owned(),
-            ))
-        },
-    )
+    panic::catch_unwind(AssertUnwindSafe(|| {
+        read_unguarded(bytes, specification, visit)
+    }))
+    .unwrap_or_else(|_| {
+        Err(Rejection::Unreadable(
+            "the decoder gave up on it".to_owned(),
+        ))
+    })
 }
 
 /// What the images of a material have to say of themselves, view by view.
@@ -191,7 +220,7 @@ pub fn check_identity(header: &ImageHeader, expected: &ImageHeader) -> Result<()
 
 fn read_unguarded(
     bytes: &[u8],
-    film: &Image,
+    specification: &Specification,
     mut visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     let unreadable = |error: exr::error::Error| Rejection::Unreadable(error.to_string());
@@ -200,8 +229,10 @@ fn read_unguarded(
         let layers = reader.headers().len();
         return Err(layout("number of layers", layers, 1));
     };
+    let film = &specification.image;
     check_layout(header, film)?;
     let identity = read_identity(header)?;
+    exact_file::check(bytes, specification, &identity)?;
     let description = reader.meta_data().clone();
     let mut blocks = 0;
     for chunk in reader.all_chunks(true).map_err(unreadable)? {
@@ -265,7 +296,7 @@ fn check_layout(header: &Header, film: &Image) -> Result<(), Rejection> {
 }
 
 fn film_blocks(film: &Image) -> usize {
-    (film.height as usize).div_ceil(LINES_PER_BLOCK)
+    film.height.div_ceil(IMAGE_BLOCK_LINES) as usize
 }
 
 fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
@@ -290,10 +321,7 @@ fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
 /// Copies a block's pixels to their places. A line is all of blue, all of green, all of red.
 fn place_pixels(block: &UncompressedBlock, film: &Image, pixels: &mut [[f32; 3]]) {
     let width = film.width as usize;
-    let sample_bytes = match film.pixel {
-        Pixel::Half => 2,
-        Pixel::Float => 4,
-    };
+    let sample_bytes = film.pixel.bytes() as usize;
     let lines = block.data.chunks_exact(3 * width * sample_bytes);
     let places = pixels.chunks_exact_mut(width);
     for (line, places) in lines.zip(places.skip(block.index.pixel_position.1)) {
@@ -337,7 +365,7 @@ fn check_pixels(block: &UncompressedBlock, film: &Image) -> Result<(), Rejection
     Ok(())
 }
 
-fn same<T: PartialEq + std::fmt::Debug>(
+pub(crate) fn same<T: PartialEq + std::fmt::Debug>(
     what: &'static str,
     found: T,
     expected: T,
@@ -349,7 +377,11 @@ fn same<T: PartialEq + std::fmt::Debug>(
     }
 }
 
-fn layout<T: std::fmt::Debug>(what: &'static str, found: T, expected: T) -> Rejection {
+pub(crate) fn layout(
+    what: &'static str,
+    found: impl std::fmt::Debug,
+    expected: impl std::fmt::Debug,
+) -> Rejection {
     Rejection::Layout {
         what,
         found: format!("{found:?}"),

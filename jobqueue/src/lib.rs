@@ -25,6 +25,7 @@ mod consensus;
 mod fingerprint;
 pub mod identity;
 mod leasing;
+mod looking;
 mod operating;
 mod policy;
 mod record;
@@ -37,6 +38,7 @@ pub use completion::Completion;
 pub use consensus::{Refusal, Standing, Verdict};
 pub use fingerprint::Fingerprint;
 pub use leasing::{Lease, LostLease, unleased};
+pub use looking::Look;
 pub use policy::Policy;
 pub use record::{
     Block, BlockCause, Changes, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
@@ -265,8 +267,9 @@ impl Queue {
         self.jobs.from(from)
     }
 
-    /// The materials of a selection, in order.
-    pub fn selected(&self, selection: &Selection) -> Vec<u32> {
+    /// The materials of a selection, in order. Looks at every job.
+    #[cfg(test)]
+    fn selected(&self, selection: &Selection) -> Vec<u32> {
         let jobs = self.jobs_from(0);
         let selected = jobs.filter(|(material, job)| selection.contains(*material, job));
         selected.map(|(material, _)| material).collect()

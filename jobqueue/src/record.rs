@@ -265,8 +265,8 @@ impl Changes {
         self.retracted.extend(later.retracted);
     }
 
-    /// Whether somebody who waits for work may find some after this.
-    pub fn offer_work(&self) -> bool {
+    /// How many jobs there may be after this for those who wait for work.
+    pub fn jobs_offered(&self) -> usize {
         let offered = |change: &JobChange| match &change.record.state {
             JobState::Pending => true,
             JobState::Completed { redundant, .. } => match redundant {
@@ -276,7 +276,7 @@ impl Changes {
             },
             _ => false,
         };
-        self.mode.is_some() || !self.workers.is_empty() || self.jobs.iter().any(offered)
+        self.jobs.iter().filter(|change| offered(change)).count()
     }
 }
 

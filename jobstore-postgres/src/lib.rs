@@ -44,6 +44,7 @@ pub mod testing;
 #[cfg(test)]
 mod tests;
 mod turns;
+mod window;
 
 pub use connecting::DatabaseError;
 pub use connecting::{Database, without_secrets};
@@ -113,14 +114,20 @@ struct Shared {
 impl Shared {
     /// Wakes those who wait for a lease when there may be one.
     fn after(&self, changes: &Changes) {
-        if changes.offer_work() {
-            self.wake();
-        }
+        let all = changes.mode.is_some();
+        self.wake(if all {
+            usize::MAX
+        } else {
+            changes.jobs_offered()
+        });
     }
 
-    fn wake(&self) {
-        self.offered.notify_one();
-        self.context.work.notify_waiters();
+    /// Wakes one of those who wait for each of so many jobs.
+    fn wake(&self, jobs: usize) {
+        if jobs > 0 {
+            self.offered.notify_one();
+            self.context.work.offer(jobs);
+        }
     }
 
     /// How long a pause without a look for leases that ran out may be before nobody was there to

@@ -4,25 +4,17 @@ use super::{
     Shared,
     connecting::query,
     fault::{Fault, attempt},
-    locked_jobs::{job, json, mode, no_farm, number, stage_name},
+    locked_jobs::{job, json, mode, no_farm, number},
     turns::is_finished,
+    window::{Window, is_apart, last_material, stages},
 };
 use dataset::Digest;
+use deadpool_postgres::Transaction;
 use jobqueue::{Changes, JobChange, WorkerChange};
-use jobqueue::{Counts, Selection, Stage, WorkerRecord, token::WorkerId};
+use jobqueue::{Counts, Selection, WorkerRecord, token::WorkerId};
 use jobstore::{JobStoreError, JobsPage, Overview, Session, Workers, ledger::BlobPlace};
 use std::collections::HashMap;
 use tokio_postgres::Row;
-
-/// All stages, in the order of the database's columns.
-const STAGES: [Stage; 6] = [
-    Stage::Pending,
-    Stage::Leased,
-    Stage::Completed,
-    Stage::Disputed,
-    Stage::Quarantined,
-    Stage::Cancelled,
-];
 
 impl Shared {
     /// How the jobs stand, told to the context as well.
@@ -74,29 +66,29 @@ impl Shared {
         jobs_max: usize,
         selection: &Selection,
     ) -> Result<JobsPage, JobStoreError> {
-        let stages = STAGES.iter().filter(|stage| selection.has_stage(**stage));
-        let stages: Vec<&str> = stages.map(|stage| stage_name(*stage)).collect();
-        let ranges = selection.ranges();
-        let firsts: Vec<i64> = ranges.iter().map(|(first, _)| i64::from(*first)).collect();
-        let lasts: Vec<i64> = ranges.iter().map(|(_, last)| i64::from(*last)).collect();
-        let most = jobs_max as i64 + 1;
         attempt!({
             let mut connection = self.database.connection().await?;
             let transaction = connection.transaction().await?;
-            let rows = query(
-                &transaction,
-                include_str!("sql/page.sql"),
-                &[&i64::from(from), &stages, &firsts, &lasts, &most],
-            )
-            .await?;
-            let mut page = JobsPage::default();
-            for row in &rows {
-                let (material, job) = job(row)?;
-                if page.jobs.len() == jobs_max {
-                    page.next = Some(material);
+            let mut page = JobsPage {
+                jobs: Vec::new(),
+                next: Some(from),
+            };
+            if is_apart(selection) {
+                page_apart(&transaction, &mut page, jobs_max, selection).await?;
+                return Ok(page);
+            }
+            let Some(last) = last_material(&transaction).await? else {
+                return Ok(JobsPage::default());
+            };
+            for _ in 0..limits::DATABASE_WINDOWS_PER_CALL {
+                let (Some(from), true) = (page.next, page.jobs.len() < jobs_max) else {
                     break;
-                }
-                page.jobs.push((material, job, number(row.get(2))?));
+                };
+                let Some(window) = Window::of(selection, from, last) else {
+                    page.next = None;
+                    break;
+                };
+                add_window(&transaction, &mut page, jobs_max, window).await?;
             }
             Ok(page)
         })
@@ -174,6 +166,63 @@ impl Shared {
             })
         })
     }
+}
+
+/// Adds the jobs of a window to a page, and says where the next begins.
+async fn add_window(
+    transaction: &Transaction<'_>,
+    page: &mut JobsPage,
+    jobs_max: usize,
+    window: Window,
+) -> Result<(), Fault> {
+    // One more, to know where the next page begins.
+    let most = (jobs_max - page.jobs.len()) as i64 + 1;
+    let Window {
+        firsts,
+        lasts,
+        stages,
+        next,
+    } = window;
+    let statement = include_str!("sql/page.sql");
+    let rows = query(transaction, statement, &[&firsts, &lasts, &stages, &most]).await?;
+    page.next = next;
+    for row in &rows {
+        let (material, job) = job(row)?;
+        if page.jobs.len() == jobs_max {
+            page.next = Some(material);
+            break;
+        }
+        page.jobs.push((material, job, number(row.get(2))?));
+    }
+    Ok(())
+}
+
+/// Makes a page of jobs that the database lists apart.
+async fn page_apart(
+    transaction: &Transaction<'_>,
+    page: &mut JobsPage,
+    jobs_max: usize,
+    selection: &Selection,
+) -> Result<(), Fault> {
+    let from = i64::from(page.next.take().unwrap_or(0));
+    let most = i64::from(limits::DATABASE_WINDOW_MATERIALS);
+    let statement = include_str!("sql/page_apart.sql");
+    let rows = query(transaction, statement, &[&stages(selection), &from, &most]).await?;
+    for row in &rows {
+        let (material, job) = job(row)?;
+        if page.jobs.len() == jobs_max {
+            page.next = Some(material);
+            return Ok(());
+        }
+        if selection.has_material(material) {
+            page.jobs.push((material, job, number(row.get(2))?));
+        }
+        page.next = material.checked_add(1);
+    }
+    if (rows.len() as i64) < most {
+        page.next = None;
+    }
+    Ok(())
 }
 
 pub(super) fn worker(row: &Row) -> Result<(String, WorkerRecord), Fault> {

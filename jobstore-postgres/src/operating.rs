@@ -4,10 +4,12 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::Fault,
-    locked_jobs::{LockMode, LockedJobs, number, stage_name},
+    locked_jobs::{LockMode, LockedJobs, number},
+    window::{Window, is_apart, last_material, stages},
 };
+use deadpool_postgres::Transaction;
 use jobqueue::{
-    BlockCause, Changes, Mode, Selection, Stage, WorkerChange,
+    BlockCause, Changes, Mode, Selection, WorkerChange,
     token::{Token, WorkerId},
 };
 use jobstore::{Failed, JobStoreError, JobsOrder};
@@ -93,53 +95,38 @@ impl Shared {
         })
     }
 
-    /// Goes through the jobs page by page, each in a transaction of its own.
+    /// Goes through the jobs window by window, each in a transaction of its own: others have their
+    /// turn in between.
     pub async fn order(
         &self,
         order: JobsOrder,
         selection: &Selection,
     ) -> Result<Changes, JobStoreError> {
-        let stages: &[Stage] = match order {
-            JobsOrder::Retry => &[Stage::Quarantined, Stage::Cancelled],
-            JobsOrder::Cancel => &[Stage::Pending, Stage::Leased, Stage::Quarantined],
-            JobsOrder::Prioritize(_) => &[Stage::Pending],
-        };
-        let stages = stages.iter().filter(|stage| selection.has_stage(**stage));
-        let stages: Vec<&str> = stages.map(|stage| stage_name(*stage)).collect();
-        let ranges = selection.ranges();
-        let firsts: Vec<i64> = ranges.iter().map(|(first, _)| i64::from(*first)).collect();
-        let lasts: Vec<i64> = ranges.iter().map(|(_, last)| i64::from(*last)).collect();
-        let (stages, firsts, lasts) = (&stages, &firsts, &lasts);
         let mut all = Changes::default();
-        let mut from = 0_i64;
-        loop {
+        let Some(selection) = &selection.only(order.stages()) else {
+            return Ok(all);
+        };
+        let mut from = Some(0);
+        while let Some(start) = from {
             let page = exclusively!(self, |transaction, locked| {
-                let most = limits::DATABASE_PAGE_MAX;
-                let statement = include_str!("sql/selected.sql");
-                let parameters: &[&(dyn ToSql + Sync)] = &[&from, stages, firsts, lasts, &most];
-                let rows = query(transaction, statement, parameters).await?;
-                let materials: Vec<i64> = rows.iter().map(|row| row.get(0)).collect();
-                locked.lock_jobs(transaction, &materials).await?;
-                let chosen = materials.iter().map(|material| number(*material));
-                let chosen = chosen.collect::<Result<Vec<u32>, Fault>>()?;
+                let window = next_window(transaction, selection, start).await?;
+                let (next, materials) = match window {
+                    Some(window) => lock_window(transaction, locked, window).await?,
+                    None => (None, Vec::new()),
+                };
                 let now = locked.now;
                 let changes = match order {
-                    JobsOrder::Retry => locked.queue.retry(chosen, now),
-                    JobsOrder::Cancel => locked.queue.cancel(chosen, now),
+                    JobsOrder::Retry => locked.queue.retry(materials, now),
+                    JobsOrder::Cancel => locked.queue.cancel(materials, now),
                     JobsOrder::Prioritize(priority) => {
-                        locked.queue.prioritize(chosen, priority, now)
+                        locked.queue.prioritize(materials, priority, now)
                     }
                 };
-                let full = materials.len() as i64 == most;
-                let next = materials.last().filter(|_| full).map(|last| last + 1);
                 ((changes.clone(), next), changes)
             });
             let (changes, next) = page?;
             all.extend(changes);
-            match next {
-                Some(next) => from = next,
-                None => break,
-            }
+            from = next;
         }
         self.publish_overview().await?;
         Ok(all)
@@ -208,7 +195,47 @@ impl Shared {
             (change, changes)
         });
         let change = change?;
+        self.wake(usize::MAX);
         self.publish_overview().await?;
         Ok(change)
     }
+}
+
+/// The first part of a selection from a material on in which jobs may be.
+async fn next_window(
+    transaction: &Transaction<'_>,
+    selection: &Selection,
+    mut from: u32,
+) -> Result<Option<Window>, Fault> {
+    if is_apart(selection) {
+        let statement = include_str!("sql/page_apart.sql");
+        let parameters: [&(dyn ToSql + Sync); 3] = [&stages(selection), &i64::from(from), &1_i64];
+        let rows = query(transaction, statement, &parameters).await?;
+        let Some(first) = rows.first() else {
+            return Ok(None);
+        };
+        from = number(first.get(0))?;
+    }
+    let last = last_material(transaction).await?;
+    Ok(last.and_then(|last| Window::of(selection, from, last)))
+}
+
+/// Locks the jobs of a window; returns where the next window begins, and the jobs.
+async fn lock_window(
+    transaction: &Transaction<'_>,
+    locked: &mut LockedJobs,
+    window: Window,
+) -> Result<(Option<u32>, Vec<u32>), Fault> {
+    let Window {
+        firsts,
+        lasts,
+        stages,
+        next,
+    } = window;
+    let statement = include_str!("sql/selected.sql");
+    let rows = query(transaction, statement, &[&firsts, &lasts, &stages]).await?;
+    let materials: Vec<i64> = rows.iter().map(|row| row.get(0)).collect();
+    locked.lock_jobs(transaction, &materials).await?;
+    let chosen = materials.iter().map(|material| number(*material));
+    Ok((next, chosen.collect::<Result<_, Fault>>()?))
 }

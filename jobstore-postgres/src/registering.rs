@@ -25,7 +25,7 @@ impl Shared {
             Ok(())
         })?;
         // A worker of another name may be what a second rendering waits for.
-        self.wake();
+        self.wake(1);
         Ok(())
     }
 

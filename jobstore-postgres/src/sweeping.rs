@@ -33,10 +33,14 @@ impl Shared {
         let overview = self.publish_overview().await?;
         let counts = overview.counts;
         // Other coordinators give work back as well, and nobody tells.
-        let offered = counts.pending + counts.redundant + counts.disputed > 0;
-        if overview.finished || offered {
-            self.wake();
-        }
+        let offered = counts.pending + counts.redundant + counts.disputed;
+        // A block may have ended.
+        let for_all = overview.finished || !all.changes.workers.is_empty();
+        self.wake(if for_all {
+            usize::MAX
+        } else {
+            offered as usize
+        });
         Ok(all)
     }
 

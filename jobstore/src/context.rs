@@ -1,6 +1,6 @@
 //! What a job store needs of the farm around it: staged images, and whom to tell.
 
-use super::Overview;
+use super::{Overview, work::Work};
 use imagestore::{
     blobs::{Blobs, StagedFile},
     staging::Staging,
@@ -10,7 +10,6 @@ use std::sync::{
     Mutex, MutexGuard, PoisonError,
     atomic::{AtomicU64, Ordering},
 };
-use tokio::sync::Notify;
 
 type Changed = dyn Fn(&JobStoreContext, Overview) + Send + Sync;
 
@@ -19,8 +18,8 @@ type Changed = dyn Fn(&JobStoreContext, Overview) + Send + Sync;
 pub struct JobStoreContext {
     /// The images.
     pub blobs: Blobs,
-    /// Somebody who waits for work should look again.
-    pub work: Notify,
+    /// Those who wait for work.
+    pub work: Work,
     /// Bytes of images completed since the start.
     pub bytes_received: AtomicU64,
     /// Failures that workers reported since the start.
@@ -36,12 +35,21 @@ impl JobStoreContext {
     pub fn new(blobs: Blobs, changed: impl Fn(&Self, Overview) + Send + Sync + 'static) -> Self {
         Self {
             blobs,
-            work: Notify::new(),
+            work: Work::default(),
             bytes_received: AtomicU64::new(0),
             failures: AtomicU64::new(0),
             leases_lost: AtomicU64::new(0),
             staging: Mutex::default(),
             changed: Box::new(changed),
+        }
+    }
+
+    /// The same, with room for staged images of `bytes_max` bytes together.
+    #[must_use]
+    pub fn staging_at_most(self, bytes_max: u64) -> Self {
+        Self {
+            staging: Mutex::new(Staging::of(bytes_max)),
+            ..self
         }
     }
 

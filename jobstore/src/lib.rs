@@ -13,6 +13,7 @@
 //! | [`completion_log`] | one checksummed line a completed material, from which a ledger is rebuilt |
 //! | `publisher` | staged images get their names before their completion is recorded |
 //! | `recovery` | ledger and log brought to agree |
+//! | `work` | workers that wait for a job |
 //! | [`kept`] | what a copy of a store copies |
 //!
 //! Architecture invariant: an operation answers when what it changed is durable. Equal operations
@@ -31,6 +32,7 @@ mod meter;
 pub mod model;
 mod publisher;
 mod recovery;
+mod work;
 
 pub use context::JobStoreContext;
 pub use group::NotDurable;
@@ -38,13 +40,14 @@ pub use local::LocalJobStore;
 pub use meter::Meter;
 pub use publisher::{PublishError, Publisher};
 pub use recovery::{Recovered, Recovery, recover};
+pub use work::{Waiter, Work};
 
 use crate::ledger::{BlobPlace, LedgerError};
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
     BlockCause, Changes, Completion, Counts, Fingerprint, Holder, JobRecord, LostLease, Mode,
-    Refusal, Selection, Standing, Verdict, WorkerChange, WorkerRecord,
+    Refusal, Selection, Stage, Standing, Verdict, WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
 use std::time::Duration;
@@ -170,12 +173,24 @@ pub enum JobsOrder {
     Prioritize(i32),
 }
 
-/// A page of the jobs of a selection.
+impl JobsOrder {
+    /// The stages of jobs that it can be done to.
+    pub fn stages(self) -> &'static [Stage] {
+        match self {
+            Self::Retry => &[Stage::Quarantined, Stage::Cancelled],
+            Self::Cancel => &[Stage::Pending, Stage::Leased, Stage::Quarantined],
+            Self::Prioritize(_) => &[Stage::Pending],
+        }
+    }
+}
+
+/// A page of the jobs of a selection. It may be short, or empty, and not the last: as many jobs are
+/// looked at as a call may.
 #[derive(Debug, Default)]
 pub struct JobsPage {
     /// Material, record, and the views that a leased one has done.
     pub jobs: Vec<(u32, JobRecord, u32)>,
-    /// Where the next page begins.
+    /// Where the next page begins, unless this is the last.
     pub next: Option<u32>,
 }
 
@@ -247,7 +262,8 @@ pub trait JobStore: Send + Sync {
     /// audited, for others to render again. `seed` is random.
     async fn draw_audits(&self, seed: u64) -> Result<Changes, JobStoreError>;
 
-    /// Does one thing to the jobs of a selection that it can be done to.
+    /// Does one thing to the jobs of a selection that it can be done to, some at a time: others go on
+    /// in between.
     async fn order(
         &self,
         order: JobsOrder,
@@ -269,7 +285,7 @@ pub trait JobStore: Send + Sync {
     /// Lets the worker of this full name, or those of this identity, work again, if it is blocked.
     async fn unblock(&self, name: &str) -> Result<Option<WorkerChange>, JobStoreError>;
 
-    /// The first `jobs_max` jobs of a selection from a material on.
+    /// The first jobs of a selection from a material on, `jobs_max` at most.
     async fn jobs(
         &self,
         from: u32,

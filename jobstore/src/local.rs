@@ -18,7 +18,8 @@ use crate::{
 use dataset::Digest;
 use imagestore::FileError;
 use jobqueue::{
-    BlockCause, Changes, Fingerprint, Mode, Queue, Selection, Standing, WorkerChange,
+    BlockCause, Changes, Fingerprint, JobRecord, Look, Mode, Queue, Selection, Standing,
+    WorkerChange,
     token::{Token, WorkerId},
 };
 use std::{
@@ -129,9 +130,53 @@ impl LocalJobStore {
 
     /// Wakes those who wait for a lease when there may be one, or never will be again.
     fn after(&self, queue: &Queue, changes: &Changes) {
-        if changes.offer_work() || queue.is_finished() {
-            self.context.work.notify_waiters();
+        if queue.is_finished() || changes.mode.is_some() {
+            self.context.work.offer_to_all();
+        } else {
+            self.context.work.offer(changes.jobs_offered());
         }
+    }
+
+    /// Does one thing to a few jobs of a selection from a material on; returns where to go on.
+    fn order_some(
+        &self,
+        order: JobsOrder,
+        from: u32,
+        selection: &Selection,
+    ) -> (Changes, Option<u32>) {
+        let mut queue = self.lock();
+        let now = self.now();
+        let (some, looks) = (limits::JOBS_ORDERED_AT_ONCE_MAX, limits::JOBS_LOOKED_AT_MAX);
+        let Look { materials, next } = queue.look(from, selection, some, looks);
+        let changes = match order {
+            JobsOrder::Retry => queue.retry(materials, now),
+            JobsOrder::Cancel => queue.cancel(materials, now),
+            JobsOrder::Prioritize(priority) => queue.prioritize(materials, priority, now),
+        };
+        // Whoever asked waits for what is submitted last.
+        drop(self.submit(&changes));
+        self.after(&queue, &changes);
+        (changes, next)
+    }
+
+    /// Adds a few jobs of a selection to a list, from a material on; returns where to go on.
+    fn list_some(
+        &self,
+        from: u32,
+        jobs_max: usize,
+        selection: &Selection,
+        jobs: &mut Vec<(u32, JobRecord, u32)>,
+    ) -> Option<u32> {
+        let queue = self.lock();
+        let some = limits::JOBS_ORDERED_AT_ONCE_MAX.min(jobs_max - jobs.len());
+        let look = queue.look(from, selection, some, limits::JOBS_LOOKED_AT_MAX);
+        for material in look.materials {
+            if let Some(job) = queue.job(material) {
+                let views_done = queue.views_done(material).unwrap_or(0);
+                jobs.push((material, job.clone(), views_done));
+            }
+        }
+        look.next
     }
 
     /// Changes the queue, durably.
@@ -160,8 +205,6 @@ impl JobStore for LocalJobStore {
     async fn admit(&self, worker: WorkerId, name: &str) -> Result<(), JobStoreError> {
         let mut queue = self.lock();
         queue.admit(worker, name);
-        // A worker of another name may be what a second rendering waits for.
-        self.context.work.notify_waiters();
         self.publish(&queue);
         Ok(())
     }
@@ -340,6 +383,10 @@ impl JobStore for LocalJobStore {
             lost_count.fetch_add(lost.len() as u64, Ordering::Relaxed);
             let pending = self.submit(&changes);
             self.after(&queue, &changes);
+            if !changes.workers.is_empty() {
+                // A block may have ended.
+                self.context.work.offer_to_all();
+            }
             let next = queue.next_expiry();
             let expired = Expired {
                 changes,
@@ -373,15 +420,18 @@ impl JobStore for LocalJobStore {
         order: JobsOrder,
         selection: &Selection,
     ) -> Result<Changes, JobStoreError> {
-        self.operate(|queue, now| {
-            let materials = queue.selected(selection);
-            match order {
-                JobsOrder::Retry => queue.retry(materials, now),
-                JobsOrder::Cancel => queue.cancel(materials, now),
-                JobsOrder::Prioritize(priority) => queue.prioritize(materials, priority, now),
-            }
-        })
-        .await
+        let mut all = Changes::default();
+        let selection = selection.only(order.stages());
+        let mut from = selection.as_ref().map(|_| 0);
+        while let (Some(start), Some(selection)) = (from, &selection) {
+            let (changes, next) = self.order_some(order, start, selection);
+            all.extend(changes);
+            from = next;
+            task::yield_now().await;
+        }
+        // What is submitted last is durable last; what was so before may still be on its way.
+        self.settled().await?;
+        Ok(all)
     }
 
     async fn set_mode(&self, mode: Mode) -> Result<Changes, JobStoreError> {
@@ -403,7 +453,9 @@ impl JobStore for LocalJobStore {
             workers: queue.unblock(name).into_iter().collect(),
             ..Changes::default()
         });
-        Ok(changes.await?.workers.pop())
+        let change = changes.await?.workers.pop();
+        self.context.work.offer_to_all();
+        Ok(change)
     }
 
     async fn jobs(
@@ -412,18 +464,16 @@ impl JobStore for LocalJobStore {
         jobs_max: usize,
         selection: &Selection,
     ) -> Result<JobsPage, JobStoreError> {
-        let queue = self.lock();
-        let mut page = JobsPage::default();
-        for (material, job) in queue.jobs_from(from) {
-            if !selection.contains(material, job) {
-                continue;
-            }
-            if page.jobs.len() == jobs_max {
-                page.next = Some(material);
+        let mut page = JobsPage {
+            jobs: Vec::new(),
+            next: Some(from),
+        };
+        for _ in 0..limits::JOBS_LOOKS_PER_CALL {
+            let (Some(from), true) = (page.next, page.jobs.len() < jobs_max) else {
                 break;
-            }
-            let views_done = queue.views_done(material).unwrap_or(0);
-            page.jobs.push((material, job.clone(), views_done));
+            };
+            page.next = self.list_some(from, jobs_max, selection, &mut page.jobs);
+            task::yield_now().await;
         }
         Ok(page)
     }

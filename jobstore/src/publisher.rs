@@ -126,7 +126,8 @@ fn publish(context: &JobStoreContext, groups: &[Vec<StagedFile>]) -> Vec<Answer>
                 Err(PublishError::Gone(error))
             }
             Err(error) => {
-                context.staging().not_published(files);
+                let surplus = context.staging().not_published(files);
+                surplus.iter().for_each(|file| context.blobs.discard(file));
                 Err(PublishError::File(error))
             }
         })
@@ -139,9 +140,10 @@ mod tests {
     use dataset::{Digest, Specification};
     use imagestore::{
         blobs::Blobs,
-        staging::{Stage, StagedImage},
+        staging::{Holder, LeaseOf, Sender},
         validation,
     };
+    use jobqueue::token::Token;
     use std::{fs, time::Duration};
 
     /// Stages an image of this material's, and completes it with that one view.
@@ -153,16 +155,22 @@ mod tests {
         let completion = Completion::sample(material, &bytes);
         let digest = Digest::of(&bytes);
         let file = context.blobs.stage(digest, &bytes).unwrap();
-        let mut staging = context.staging();
-        assert!(staging.reserve(4));
-        let image = StagedImage {
-            file,
-            bytes: 4,
-            header: headers[0].clone(),
-            since: Duration::ZERO,
-            stage: Stage::Waiting,
+        let lease = LeaseOf {
+            material,
+            token: Token::from_bytes([1; 16]),
         };
-        assert_eq!(staging.insert(image), None);
+        let sender = Sender {
+            lease,
+            holder: Holder {
+                credential: None,
+                worker: None,
+            },
+        };
+        let now = Duration::ZERO;
+        let mut staging = context.staging();
+        assert!(staging.reserve(sender, 4, now));
+        let inserted = staging.insert(lease, file, 4, headers[0].clone(), now);
+        assert!(inserted.counts && inserted.surplus.is_empty());
         completion
     }
 

@@ -58,8 +58,19 @@ pub const WORKER_RECORDS_MAX: usize = 100_000;
 /// nothing. More than the longest wait for a lease.
 pub const WORKER_ABSENT: Duration = Duration::from_secs(90);
 
-/// Connections at one time whose peers have spoken.
+/// Connections at one time whose peers have made a call that is authorised.
 pub const CONNECTIONS_MAX: usize = 4096;
+
+/// Connections at one time whose peers have spoken, as in a TLS handshake, and made no call that is
+/// authorised yet; for one more the one that was there longest is closed.
+pub const STRANGERS_MAX: usize = 1024;
+
+/// How long after its first byte a peer may take to make a call that is authorised: on a slow line a
+/// TLS handshake takes a few seconds.
+pub const STRANGER_STAY: Duration = Duration::from_secs(10);
+
+/// Addresses that have shown a token and are remembered, for which strangers from others make room.
+pub const KNOWN_ADDRESSES_MAX: usize = 10_000;
 
 /// Connections that the system keeps until they are accepted.
 pub const ACCEPT_QUEUE_MAX: u32 = 4096;
@@ -92,11 +103,40 @@ pub const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Bytes of messages under way, of all calls together.
 pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
-/// Bytes of images accepted and not yet completed.
+/// Bytes of images accepted and not yet completed, with the room that leases reserved for more.
 pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 
-/// How long an accepted image waits for its completion before it is dropped.
-pub const STAGED_AGE_MAX: Duration = Duration::from_secs(3600);
+/// The share of [`STAGED_BYTES_MAX`] that one credential's jobs may have, as a multiple of what is
+/// left free: 3 gives one credential three quarters, two credentials three sevenths each, and leaves
+/// room for whoever comes new.
+pub const STAGED_SHARE_OF_FREE: u64 = 3;
+
+/// How slowly a lease may stage its images while others wait for its room, bytes a second: as slow
+/// as a line on which the largest message just arrives in time, [`MESSAGE_DEADLINE`].
+pub const STAGED_BYTES_PER_SECOND_MIN: u64 =
+    protocol::MESSAGE_BYTES_MAX as u64 / MESSAGE_DEADLINE.as_secs();
+
+/// How long a lease may stage nothing while others wait for its room: longer than a message may
+/// take and a worker waits before it repeats one.
+pub const STAGED_IDLE_MAX: Duration = Duration::from_secs(60);
+
+/// How long a call waits for room for its job's images before it is told to ask again: shorter than
+/// its deadline.
+pub const STAGING_WAIT: Duration = Duration::from_secs(20);
+
+/// How often a call that waits for room looks for it.
+pub const STAGING_PAUSE: Duration = Duration::from_millis(100);
+
+/// How long a lease that waits for room keeps its place in line without asking: longer than a
+/// worker waits before it repeats a call.
+pub const STAGING_ASKER_ABSENT: Duration = Duration::from_secs(30);
+
+/// How often a lease that has staged images is looked at: what is staged outlives its lease by so
+/// much at most.
+pub const STAGED_LEASE_CHECK_INTERVAL: Duration = Duration::from_secs(2);
+
+/// Leases with staged images that are looked at together.
+pub const STAGED_LEASES_CHECKED_AT_ONCE: usize = 64;
 
 /// The largest image header as JSON, bytes.
 pub const IMAGE_HEADER_BYTES_MAX: usize = 64 << 10;
@@ -142,6 +182,22 @@ pub const STORE_LOCK_PAUSE: Duration = Duration::from_millis(20);
 
 /// How long a restart waits for the ledger of a process that is just ending.
 pub const LEDGER_LOCK_WAIT: Duration = Duration::from_secs(10);
+
+/// Jobs that are looked at under one lock of the queue: a tenth of a millisecond.
+pub const JOBS_LOOKED_AT_MAX: usize = 4096;
+
+/// Jobs that an operator's order changes under one lock of the queue: half a millisecond.
+pub const JOBS_ORDERED_AT_ONCE_MAX: usize = 256;
+
+/// Locks of the queue that one call which lists jobs takes, one after another: where they are not
+/// enough its page comes back short.
+pub const JOBS_LOOKS_PER_CALL: usize = 16;
+
+/// Materials among which one statement of a database looks for jobs that are listed or ordered.
+pub const DATABASE_WINDOW_MATERIALS: u32 = 2000;
+
+/// Windows that one call which lists jobs looks through.
+pub const DATABASE_WINDOWS_PER_CALL: usize = 16;
 
 /// The longest pause between two looks for leases that ran out.
 pub const SWEEP_INTERVAL_MAX: Duration = Duration::from_secs(1);
@@ -221,7 +277,7 @@ pub const DATABASE_BATCH_MAX: usize = 256;
 /// How long workers that ask a database for work wait for each other after there was none.
 pub const DATABASE_IDLE_PAUSE: Duration = Duration::from_millis(250);
 
-/// Jobs that one transaction of an operator's order, or of a sweep, changes.
+/// Jobs that one transaction of a sweep changes.
 pub const DATABASE_PAGE_MAX: i64 = 10_000;
 
 /// How long nobody may look for leases that ran out before all get their full time again; less

@@ -28,7 +28,7 @@ pub use generated::{
     LeaseRequest, LeaseResponse, ListJobsRequest, ListJobsResponse, ListWorkersRequest,
     ListWorkersResponse, MaterialRange, Mode, ModeChanged, PauseRequest, PrioritizeJobsRequest,
     PutBlobRequest, PutBlobResponse, RegisterRequest, RegisterResponse, RenewRequest,
-    RenewResponse, Renewal, ResumeRequest, RetryJobsRequest, SetAside, StatusRequest,
+    RenewResponse, Renewal, ResumeRequest, RetryJobsRequest, Disputed, SetAside, StatusRequest,
     StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, Upload, UploadUrl, View,
     WatchEventsRequest, WorkerDetail, WorkerFailure,
 };

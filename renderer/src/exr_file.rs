@@ -3,11 +3,15 @@
 //!
 //! The encoder keeps attributes it does not know in a hash map of random order; so everything of
 //! ours is one text attribute of JSON, its keys in the order of the type, and the rest are standard
-//! attributes, which it writes in a fixed order. Nothing tells the time or the host.
+//! attributes, which it writes in a fixed order. Nothing tells the time or the host. The file of an
+//! image begins with the bytes of [`dataset::image_file_header`].
 
 use crate::film::{Film, FilmPixel};
 use crate::rounding::rounded_up;
-use dataset::{IMAGE_HEADER_ATTRIBUTE, ImageHeader, specification::Pixel};
+use dataset::{
+    IMAGE_HEADER_ATTRIBUTE, IMAGE_SOFTWARE, ImageHeader, REC709_CHROMATICITIES,
+    specification::Pixel,
+};
 use exr::image::write::channels::WritableChannels;
 use exr::prelude::*;
 use std::io::Cursor;
@@ -83,11 +87,21 @@ fn encode_as<T: IntoSample + Copy + Default>(
     });
     let attributes = attributes(header, white_luminance)?;
     let mut image = Image::from_layer(layer(film, attributes, channels));
+    let [
+        red_x,
+        red_y,
+        green_x,
+        green_y,
+        blue_x,
+        blue_y,
+        white_x,
+        white_y,
+    ] = REC709_CHROMATICITIES;
     image.attributes.chromaticities = Some(attribute::Chromaticities {
-        red: Vec2(0.64, 0.33),
-        green: Vec2(0.30, 0.60),
-        blue: Vec2(0.15, 0.06),
-        white: Vec2(0.3127, 0.3290),
+        red: Vec2(red_x, red_y),
+        green: Vec2(green_x, green_y),
+        blue: Vec2(blue_x, blue_y),
+        white: Vec2(white_x, white_y),
     });
     write(&image)
 }
@@ -123,7 +137,7 @@ fn attributes(
     white_luminance: f64,
 ) -> std::result::Result<LayerAttributes, ExrError> {
     let mut attributes = LayerAttributes {
-        software_name: Some(Text::from("brdfarm")),
+        software_name: Some(Text::from(IMAGE_SOFTWARE)),
         white_luminance: Some(white_luminance as f32),
         ..LayerAttributes::default()
     };

@@ -185,7 +185,12 @@ impl Renderer {
         });
         check_pixels(&film, view)?;
         let exr = timed(&mut phases, "encode", || {
-            exr_file::encode(&film, self.specification.image.pixel, &header, self.white())
+            exr_file::encode(
+                &film,
+                self.specification.image.pixel,
+                &header,
+                self.specification.white_luminance(),
+            )
         })?;
         Ok(Rendering {
             header,
@@ -225,16 +230,11 @@ impl Renderer {
     /// # Errors
     /// When the library refuses.
     pub fn encode_error(&self, rendering: &Rendering) -> Result<Vec<u8>, ExrError> {
-        exr_file::encode_error(&rendering.film, &rendering.header, self.white())
-    }
-
-    /// The luminance in cd/m^2 of a pixel of value 1: that of a white diffuser at the origin which
-    /// faces the bulb.
-    fn white(&self) -> f64 {
-        let light = &self.specification.light;
-        let flux_lm = light.power_w * light.efficacy_lm_per_w;
-        let sphere_m2 = 4.0 * std::f64::consts::PI * light.distance_m * light.distance_m;
-        flux_lm / sphere_m2 / std::f64::consts::PI
+        exr_file::encode_error(
+            &rendering.film,
+            &rendering.header,
+            self.specification.white_luminance(),
+        )
     }
 }
 

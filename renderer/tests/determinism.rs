@@ -1,7 +1,7 @@
 //! One image, one file: whatever traces the rays, however many threads, on whatever instructions.
 
 use dataset::{
-    Digest, HARD_CASES, Material, Specification,
+    Digest, HARD_CASES, Material, Specification, image_file_bytes_max, image_file_header,
     specification::{IntegratorKind, Pixel},
 };
 use rayon::ThreadPoolBuilder;
@@ -245,6 +245,26 @@ fn bytes_are_those_written_down() {
                     );
                 }
             }
+        }
+    }
+}
+
+/// A coordinator accepts no other header than this one, and has no renderer to ask.
+#[test]
+fn a_file_begins_as_the_dataset_says() {
+    let mut specification = Specification::preset();
+    specification.image.height = 9;
+    for (width, pixel) in [(3, Pixel::Half), (40, Pixel::Float)] {
+        specification.image.width = width;
+        specification.image.pixel = pixel;
+        let renderer = Renderer::new(&specification, BackendChoice::Native).expect("a renderer");
+        let material = specification.material(5).material;
+        for (index, view) in [(Some(5), 0), (None, 13)] {
+            let rendering = renderer.render(&material, index, view).expect("an image");
+            let header = image_file_header(&specification, &rendering.header);
+            assert!(rendering.exr.starts_with(&header), "{width} {view}");
+            let most = image_file_bytes_max(&specification, header.len() as u64);
+            assert!(rendering.exr.len() as u64 <= most, "{width} {view}");
         }
     }
 }

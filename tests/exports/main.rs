@@ -3,6 +3,9 @@
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
 mod again;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../../datastore/tests/store/cheap_image.rs"]
+mod cheap_image;
 mod clients;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../folder/mod.rs"]

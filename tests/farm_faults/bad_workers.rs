@@ -1,5 +1,6 @@
 //! Workers that lie, fail and hang: processes of their own, with the real renderer.
 
+use crate::cheap_image;
 use crate::harness::{Harness, Process, patience, wait_for};
 use dataset::{IMAGE_HEADER_ATTRIBUTE, SampledMaterial, Specification};
 use exr::prelude::*;
@@ -8,7 +9,6 @@ use renderer::geometry::BackendChoice;
 use serde_json::Value;
 use std::env;
 use std::fs;
-use std::io::Cursor;
 use std::process::{Command, Stdio};
 use std::thread;
 use std::time::Duration;
@@ -47,7 +47,7 @@ impl Render for Bad {
 /// The image with one pixel a little brighter; everything else about it is right.
 fn brightened(bytes: &[u8], specification: &Specification) -> Vec<u8> {
     let film = &specification.image;
-    let mut image = decode(bytes, film).expect("an image");
+    let mut image = decode(bytes, specification).expect("an image");
     let width = film.width as usize;
     image.pixels[width + 1][0] += 1.0 / 16.0;
     let channels = SpecificChannels::rgb(|place: Vec2<usize>| {
@@ -59,29 +59,19 @@ fn brightened(bytes: &[u8], specification: &Specification) -> Vec<u8> {
         )
     });
     let header = serde_json::to_string(&image.header).expect("JSON");
-    let mut attributes = LayerAttributes::default();
-    attributes.other.insert(
-        Text::from(IMAGE_HEADER_ATTRIBUTE),
-        AttributeValue::Text(Text::from(header.as_str())),
-    );
+    let white = specification.white_luminance() as f32;
+    let attributes = cheap_image::attributes(IMAGE_HEADER_ATTRIBUTE, &header, white);
     let encoding = Encoding {
         compression: Compression::ZIP16,
         blocks: Blocks::ScanLines,
         line_order: LineOrder::Increasing,
     };
-    let layer = Layer::new(
+    cheap_image::file(Layer::new(
         (width, film.height as usize),
         attributes,
         encoding,
         channels,
-    );
-    let mut changed = Vec::new();
-    let encoded = Image::from_layer(layer)
-        .write()
-        .non_parallel()
-        .to_buffered(Cursor::new(&mut changed));
-    encoded.expect("an image");
-    changed
+    ))
 }
 
 /// The process of a bad worker, which is its kind and its name.

@@ -1,5 +1,6 @@
 //! What a bucket costs: `tests/object-storage.sh`.
 
+use crate::cheap_image;
 use crate::harness::{Harness, Process, patience};
 use crate::s3::{BUCKET, Server, UPLOAD};
 use bytes::Bytes;
@@ -17,11 +18,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
 use worker::{Render, RenderFailure, RenderedView, Worker};
-
-#[path = "../../datastore/tests/store/cheap_image.rs"]
-#[allow(dead_code, reason = "the coordinator's tests use all of it")]
-#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
-mod cheap_image;
 
 /// Materials of the synthetic store, unless BRDFARM_SCALE_MATERIALS says otherwise: 126,000 images.
 const MATERIALS: u32 = 9000;

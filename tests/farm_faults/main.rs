@@ -13,6 +13,10 @@ mod bad_workers;
 mod bucket;
 mod bucket_scale;
 mod campaign;
+#[path = "../../datastore/tests/store/cheap_image.rs"]
+#[allow(dead_code, reason = "other tests use all of it")]
+#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+mod cheap_image;
 mod corruption;
 #[path = "../draws/mod.rs"]
 mod draws;

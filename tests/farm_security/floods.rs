@@ -1,17 +1,18 @@
 //! Too much of everything: messages that are too large, connections that say nothing, uploads that
 //! never end.
 
-use crate::place::{MEMORY_MAX, coordinator, memory_bytes, status, succeed};
+use crate::place::{Guest, MEMORY_MAX, coordinator, memory_bytes, status, succeed};
 use http_body::{Frame, SizeHint};
 use proto::client::{self, Credentials, with_deadline};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+use std::fs;
 use std::net::TcpStream;
 use std::pin::Pin;
 use std::task::{Context, Poll};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
 use tokio::time::{Sleep, sleep};
-use tonic::transport::Endpoint;
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
 use tonic::{Code, Status, body::Body};
 use tower::{Service, ServiceExt};
 
@@ -28,12 +29,14 @@ async fn messages_that_are_too_large_are_refused_unread() {
             digest: vec![0; 32],
             size: data.len() as u64,
             data: data.into(),
+            ..proto::PutBlobRequest::default()
         };
         let refused = farm.put_blob(with_deadline(message)).await.unwrap_err();
         assert_eq!(refused.code(), Code::OutOfRange, "{refused}");
     }
     let message = proto::FindMissingBlobsRequest {
         digests: vec![vec![0; 32]; 5000],
+        ..proto::FindMissingBlobsRequest::default()
     };
     let refused = farm
         .find_missing_blobs(with_deadline(message))
@@ -59,16 +62,20 @@ async fn messages_that_are_too_large_are_refused_unread() {
     assert_eq!(status(&url, &nobody).await.expect("an answer"), 2);
 }
 
-#[tokio::test]
-async fn ten_thousand_silent_connections_keep_nobody_out() {
-    let directory = tempfile::tempdir().expect("a directory");
-    let directory = directory.path();
+fn raise_open_files() {
     let limit = getrlimit(Resource::Nofile);
     let raised = Rlimit {
         current: limit.maximum,
         ..limit
     };
     setrlimit(Resource::Nofile, raised).expect("open files");
+}
+
+#[tokio::test]
+async fn ten_thousand_silent_connections_keep_nobody_out() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    raise_open_files();
     let (coordinator, url) = coordinator(directory, "store", "");
     let address = url.trim_start_matches("http://").to_owned();
     let mut silent = Vec::new();
@@ -196,4 +203,81 @@ async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     assert!(memory_max < UNFINISHED_MEMORY_MAX, "{memory_max}");
     let work = format!("worker connect {url} --backend native");
     assert!(succeed(directory, &work).contains("28 images"));
+}
+
+/// Connections that finish their TLS handshake, begin HTTP/2 and then make no call.
+async fn strangers(url: &str, authority: &[u8], count: usize) -> Vec<Channel> {
+    let mut tried = JoinSet::new();
+    let tls = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(authority));
+    let endpoint = Endpoint::from_shared(url.to_owned()).expect("a URL");
+    let endpoint = endpoint.tls_config(tls).expect("an authority");
+    let mut open = Vec::new();
+    for _ in 0..count {
+        let endpoint = endpoint.clone();
+        tried.spawn(async move { endpoint.connect().await });
+        if tried.len() >= 64 {
+            let connected = tried.join_next().await.expect("some").expect("no panic");
+            open.extend(connected.ok());
+        }
+    }
+    let rest = tried.join_all().await;
+    open.extend(rest.into_iter().flatten());
+    open
+}
+
+/// Strangers fill all room that there is for them, again and again: somebody with a token gets in,
+/// and whoever has shown one stays.
+async fn strangers_keep_nobody_out(count: usize) {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    raise_open_files();
+    succeed(directory, "credentials keys");
+    let (coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
+    let read = |name: &str| fs::read(directory.join("keys").join(name)).expect("readable");
+    let credentials = |role: &str| Credentials {
+        token: Some(String::from_utf8(read(&format!("{role}/token"))).expect("text")),
+        authority: Some(read(&format!("{role}/authority.pem"))),
+        identity: None,
+    };
+    let reader = credentials("reader");
+    let mut known = client::control(&url, &reader).expect("a client");
+    let ask = || with_deadline(proto::StatusRequest {});
+    known.status(ask()).await.expect("an answer");
+
+    let authority = reader.authority.clone().expect("an authority");
+    let open = strangers(&url, &authority, count).await;
+    println!("{} of {count} handshakes were answered", open.len());
+    assert!(open.len() > limits::STRANGERS_MAX);
+    // One that never called before, beside the strangers.
+    let began = Instant::now();
+    let leased = Guest::leasing(&url, &credentials("worker")).await;
+    let admitted = began.elapsed();
+    println!("a new worker was admitted and had its lease after {admitted:?}");
+    assert!(admitted < Duration::from_secs(10));
+    known.status(ask()).await.expect("the connection is open");
+    leased.leave().await;
+    // And in the midst of them.
+    let more = tokio::spawn({
+        let (url, authority) = (url.clone(), authority.clone());
+        async move { strangers(&url, &authority, count).await }
+    });
+    let work = format!("worker connect {url} --credentials keys/worker --backend native");
+    let worked = tokio::task::spawn_blocking({
+        let directory = directory.to_owned();
+        move || succeed(&directory, &work)
+    });
+    assert!(worked.await.expect("no panic").contains("28 images"));
+    more.abort();
+    assert!(memory_bytes(&coordinator) < MEMORY_MAX);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn handshakes_without_a_call_keep_nobody_out() {
+    strangers_keep_nobody_out(limits::STRANGERS_MAX + 200).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "tests/floods.sh runs it"]
+async fn four_thousand_handshakes_without_a_call_keep_nobody_out() {
+    strangers_keep_nobody_out(4095).await;
 }

@@ -2,8 +2,10 @@
 
 use crate::cheap_image::{Cheap, cheap_image};
 use crate::folder::below;
-use crate::place::{MEMORY_MAX, SPECIFICATION, coordinator, memory_bytes, status, succeed};
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use crate::place::{Guest, MEMORY_MAX, SPECIFICATION, coordinator, memory_bytes, status, succeed};
+use dataset::{Digest, RENDERER_VERSION, Specification, image_file_header};
+use exr::prelude::Compression;
+use imagestore::validation::expected_headers;
 use proto::client::{self, Credentials, with_deadline};
 use std::fs;
 use std::path::Path;
@@ -83,7 +85,7 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     let directory = directory.path();
     let (coordinator, url) = coordinator(directory, "store", "");
     let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
-    let mut farm = client::farm(&url, &Credentials::default()).expect("a client");
+    let mut guest = Guest::leasing(&url, &Credentials::default()).await;
     let before = memory_bytes(&coordinator);
     let image = cheap_image(&specification, 0, 0);
     let other = Digest::of(b"other");
@@ -101,15 +103,8 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     ] {
         assert!(bytes.len() <= BYTES_MAX, "{name} fits a message");
         for _ in 0..3 {
-            let message = proto::PutBlobRequest {
-                digest: digest
-                    .unwrap_or_else(|| Digest::of(&bytes))
-                    .as_bytes()
-                    .to_vec(),
-                size: bytes.len() as u64,
-                data: bytes.clone().into(),
-            };
-            let refused = farm.put_blob(with_deadline(message)).await;
+            let digest = digest.unwrap_or_else(|| Digest::of(&bytes));
+            let refused = guest.put(digest, bytes.clone()).await;
             let refused = refused.expect_err(name);
             assert_eq!(refused.code(), Code::InvalidArgument, "{name}: {refused}");
         }
@@ -118,6 +113,7 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     assert!(grown < MEMORY_MAX / 4, "{grown} bytes more");
     let staged = fs::read_dir(directory.join("store/staging")).expect("a folder");
     assert_eq!(staged.count(), 0, "something was taken in");
+    guest.leave().await;
     assert_eq!(
         status(&url, &Credentials::default())
             .await
@@ -126,6 +122,61 @@ async fn bombs_and_bytes_with_another_digest_are_refused_in_bounded_memory() {
     );
     let work = format!("worker connect {url} --backend native");
     assert!(succeed(directory, &work).contains("28 images"));
+}
+
+/// A sound image with an attribute of `bytes` bytes more.
+fn with_junk(specification: &Specification, bytes: usize) -> Vec<u8> {
+    let file = cheap_image(specification, 0, 0);
+    let headers = expected_headers(specification, specification.hash(), 0);
+    let header = image_file_header(specification, &headers[0]).len();
+    let mut junk = b"junk\0string\0".to_vec();
+    junk.extend((bytes as u32).to_le_bytes());
+    junk.resize(junk.len() + bytes, b'j');
+    // The film is one block, whose place the table has; the header ends with a zero.
+    let block = (header + 8 + junk.len()) as u64;
+    [
+        &file[..header - 1],
+        &junk,
+        &[0],
+        &block.to_le_bytes(),
+        &file[header + 8..],
+    ]
+    .concat()
+}
+
+/// Must show 5 of the trusted farm: what else a header could carry is refused with the reason.
+#[tokio::test]
+async fn headers_with_something_else_are_refused_with_the_reason() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    let (_coordinator, url) = coordinator(directory, "store", "");
+    let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
+    let mut guest = Guest::leasing(&url, &Credentials::default()).await;
+    assert_eq!(guest.job.material, 0);
+    let mut longer = Cheap::new(&specification, 0, 0);
+    longer.header.push(' ');
+    let mut packed = Cheap::new(&specification, 0, 0);
+    packed.encoding.compression = Compression::RLE;
+    let sound = cheap_image(&specification, 0, 0);
+    for (bytes, what) in [
+        (with_junk(&specification, 10), "has the attribute \"junk\""),
+        (with_junk(&specification, 6 << 20), "size in bytes"),
+        (
+            longer.encode(),
+            "another value of the attribute \"brdfarm\"",
+        ),
+        (packed.encode(), "compression"),
+        (cheap_image(&specification, 1, 0), "material"),
+        ([&sound[..], b"more"].concat(), "size in bytes"),
+    ] {
+        let refused = guest.put(Digest::of(&bytes), bytes).await.expect_err(what);
+        assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
+        assert!(refused.message().contains(what), "{what}: {refused}");
+    }
+    guest
+        .put(Digest::of(&sound), sound)
+        .await
+        .expect("it is sound");
 }
 
 #[tokio::test]
@@ -153,6 +204,7 @@ async fn what_is_sent_never_becomes_a_path() {
             digest: bytes.clone(),
             size: 4,
             data: b"data".to_vec().into(),
+            ..proto::PutBlobRequest::default()
         };
         refused(farm.put_blob(with_deadline(put)).await.map(drop));
         let get = proto::GetBlobRequest {
@@ -161,6 +213,7 @@ async fn what_is_sent_never_becomes_a_path() {
         refused(control.get_blob(with_deadline(get)).await.map(drop));
         let find = proto::FindMissingBlobsRequest {
             digests: vec![bytes.clone()],
+            ..proto::FindMissingBlobsRequest::default()
         };
         refused(farm.find_missing_blobs(with_deadline(find)).await.map(drop));
         let lease = proto::LeaseRequest {

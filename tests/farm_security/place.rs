@@ -1,10 +1,15 @@
 //! A coordinator of its own process, and what is asked of it.
 
 use crate::process::Process;
-use proto::client::{self, Credentials, with_deadline};
+use dataset::{Digest, RENDERER_VERSION, Specification};
+use proto::{
+    FarmClient,
+    client::{self, Credentials, with_deadline},
+};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
+use tonic::Status;
 
 pub const SPECIFICATION: &str = r#"
 name = "guarded"
@@ -71,7 +76,61 @@ pub fn credentials(directory: &Path, folder: &str) -> Credentials {
     }
 }
 
-pub async fn status(url: &str, credentials: &Credentials) -> Result<u32, tonic::Status> {
+/// A stranger with a lease, in single steps.
+pub struct Guest {
+    pub farm: FarmClient,
+    pub worker_id: Vec<u8>,
+    pub job: proto::Job,
+}
+
+impl Guest {
+    pub async fn leasing(url: &str, credentials: &Credentials) -> Self {
+        let specification = Specification::from_toml(SPECIFICATION, "spec.toml").expect("valid");
+        let mut farm = client::farm(url, credentials).expect("a client");
+        let register = proto::RegisterRequest {
+            name: "guest".to_owned(),
+            renderer_version: RENDERER_VERSION.to_owned(),
+            specification_hash: specification.hash().as_bytes().to_vec(),
+            worker_id: Vec::new(),
+        };
+        let registered = farm.register(with_deadline(register)).await;
+        let worker_id = registered.expect("a name").into_inner().worker_id;
+        let lease = proto::LeaseRequest {
+            worker_id: worker_id.clone(),
+            jobs_max: 1,
+            wait_ms: 0,
+        };
+        let leased = farm.lease(with_deadline(lease)).await.expect("an answer");
+        let job = leased.into_inner().jobs.swap_remove(0);
+        Self {
+            farm,
+            worker_id,
+            job,
+        }
+    }
+
+    /// Sends an image of its material.
+    pub async fn put(&mut self, digest: Digest, data: Vec<u8>) -> Result<(), Status> {
+        let message = proto::PutBlobRequest {
+            digest: digest.as_bytes().to_vec(),
+            size: data.len() as u64,
+            data: data.into(),
+            token: self.job.token.clone(),
+            material: self.job.material,
+        };
+        self.farm.put_blob(with_deadline(message)).await.map(drop)
+    }
+
+    pub async fn leave(mut self) {
+        let message = proto::DeregisterRequest {
+            worker_id: self.worker_id,
+        };
+        let left = self.farm.deregister(with_deadline(message)).await;
+        left.expect("an answer");
+    }
+}
+
+pub async fn status(url: &str, credentials: &Credentials) -> Result<u32, Status> {
     let mut client = client::control(url, credentials).expect("a client");
     let answer = client
         .status(with_deadline(proto::StatusRequest {}))

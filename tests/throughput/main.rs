@@ -16,6 +16,7 @@
 #[path = "../../datastore/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "others use the rest")]
 mod cheap_image;
+mod floods;
 mod memory;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
@@ -306,6 +307,8 @@ fn uploads(specification: &Specification) -> Uploads {
             digest: Digest::of(&bytes).as_bytes().to_vec(),
             size: bytes.len() as u64,
             data: bytes.into(),
+            token: Vec::new(),
+            material,
         }
     };
     let materials = 0..specification.materials;
@@ -383,20 +386,22 @@ async fn work_together(
         let pause = load.pause;
         working.spawn(async move {
             tokio::time::sleep(late).await;
-            work(client, worker_id, uploads, pause).await
+            work_until(client, worker_id, uploads, pause, None).await
         });
     }
     working.join_all().await
 }
 
-async fn work(
+/// Works until nothing is left, or until a time.
+async fn work_until(
     mut client: FarmClient,
     worker_id: Vec<u8>,
     uploads: Uploads,
     pause: Duration,
+    until: Option<Instant>,
 ) -> Seen {
     let mut seen = Seen::default();
-    loop {
+    while until.is_none_or(|until| Instant::now() < until) {
         let message = proto::LeaseRequest {
             worker_id: worker_id.clone(),
             jobs_max: 1,
@@ -415,6 +420,9 @@ async fn work(
             let bytes: u64 = uploads.iter().map(|upload| upload.size).sum();
             // As real workers do.
             let brings = bytes <= IMAGES_BROUGHT_BYTES_MAX;
+            if !brings {
+                find_room(&mut client, &job, uploads).await;
+            }
             let mut views = Vec::new();
             for upload in uploads {
                 let mut image = Bytes::new();
@@ -422,8 +430,11 @@ async fn work(
                     image = upload.data.clone();
                 } else {
                     let asked = Instant::now();
-                    let put = client.put_blob(with_deadline(upload.clone())).await;
-                    put.unwrap();
+                    let upload = proto::PutBlobRequest {
+                        token: job.token.clone(),
+                        ..upload.clone()
+                    };
+                    client.put_blob(with_deadline(upload)).await.unwrap();
                     seen.uploads.push(asked.elapsed());
                 }
                 views.push(proto::View {
@@ -444,6 +455,23 @@ async fn work(
             let done = client.complete(with_deadline(message)).await.unwrap();
             assert!(done.into_inner().missing.is_empty());
             seen.completions.push(asked.elapsed());
+        }
+    }
+    seen
+}
+
+/// Asks for room for a job's images until there is some.
+async fn find_room(client: &mut FarmClient, job: &proto::Job, uploads: &[proto::PutBlobRequest]) {
+    let message = proto::FindMissingBlobsRequest {
+        digests: uploads.iter().map(|upload| upload.digest.clone()).collect(),
+        token: job.token.clone(),
+        material: job.material,
+    };
+    loop {
+        let found = client.find_missing_blobs(with_deadline(message.clone()));
+        match found.await {
+            Ok(_) => return,
+            Err(status) => assert_eq!(status.code(), tonic::Code::ResourceExhausted, "{status}"),
         }
     }
 }

@@ -41,7 +41,7 @@ pub(crate) async fn deliver(
     job: &Job,
     rendered: &RenderedJob,
 ) -> Result<Delivered, CallError> {
-    let asked = find_missing(connection, rendered).await;
+    let asked = find_missing(connection, job, rendered).await;
     let FindMissingBlobsResponse {
         mut missing,
         upload_by_url,
@@ -61,7 +61,7 @@ pub(crate) async fn deliver(
             bring_along(&mut completion, rendered, &missing);
             Ok(())
         } else {
-            send_missing(connection, rendered, &missing).await
+            send_missing(connection, job, rendered, &missing).await
         };
         let completed = match sent {
             Err(error) => Err(error),
@@ -127,14 +127,23 @@ async fn refused(
 
 async fn find_missing(
     connection: &Connection,
+    job: &Job,
     rendered: &RenderedJob,
 ) -> Result<FindMissingBlobsResponse, CallError> {
+    let views = rendered.views.iter();
+    let bytes: u64 = views.clone().map(|(_, image)| image.exr.len() as u64).sum();
+    // Images that come along with the completion need no room of their own.
+    let token = if bytes > IMAGES_BROUGHT_BYTES_MAX {
+        job.token.clone()
+    } else {
+        Vec::new()
+    };
     let message = FindMissingBlobsRequest {
-        digests: rendered
-            .views
-            .iter()
+        digests: views
             .map(|(digest, _)| digest.as_bytes().to_vec())
             .collect(),
+        token,
+        material: job.material,
     };
     let ask = connection.call(message, async |mut client, request| {
         client.find_missing_blobs(request).await
@@ -227,6 +236,7 @@ fn bring_along(completion: &mut CompleteRequest, rendered: &RenderedJob, missing
 /// Sends images to the coordinator.
 async fn send_missing(
     connection: &Connection,
+    job: &Job,
     rendered: &RenderedJob,
     missing: &[Vec<u8>],
 ) -> Result<(), CallError> {
@@ -235,6 +245,8 @@ async fn send_missing(
             digest: digest.as_bytes().to_vec(),
             size: image.exr.len() as u64,
             data: image.exr.clone().into(),
+            token: job.token.clone(),
+            material: job.material,
         })
         .collect();
     let mut uploads = JoinSet::new();

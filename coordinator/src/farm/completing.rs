@@ -7,9 +7,8 @@ use super::{
 };
 use bytes::Bytes;
 use dataset::{CompletedView, Digest, ImageHeader};
-use futures_util::future::try_join_all;
 use imagestore::{
-    staging::StagedImage,
+    staging::{Credential, Holder, LeaseOf, Sender, StagedImage},
     validation::{self, Rejection},
 };
 use jobqueue::{Completion, Standing, Verdict, token::Token};
@@ -30,6 +29,8 @@ pub(crate) struct RenderedMaterial {
     /// In the order of the specification's views.
     pub images: Vec<RenderedImage>,
     pub seconds: f64,
+    /// Who reports it.
+    pub by: Credential,
 }
 
 /// An image as its worker reports it.
@@ -53,9 +54,11 @@ impl RenderedMaterial {
     }
 
     /// Its images that came along, with the sizes that they were reported with.
-    fn brought(&self) -> impl Iterator<Item = (Digest, u64, Bytes)> {
+    fn brought(&self) -> Vec<(Digest, u64, Bytes)> {
         let came = self.images.iter().filter(|image| !image.data.is_empty());
-        came.map(|RenderedImage { view, data, .. }| (view.digest, view.bytes, data.clone()))
+        let came =
+            came.map(|RenderedImage { view, data, .. }| (view.digest, view.bytes, data.clone()));
+        came.collect()
     }
 }
 
@@ -75,17 +78,21 @@ impl Farm {
         let fingerprint = completion.fingerprint();
         // Held until the ledger says whose the names are.
         let mut uploads = None;
+        let sender = Sender {
+            lease: LeaseOf { material, token },
+            holder: Holder {
+                credential: rendered.by,
+                worker: None,
+            },
+        };
         let standing = self
             .job_store
             .standing(material, token, fingerprint)
             .await?;
         if let Standing::Current { records } = standing {
-            let taken_in = rendered
-                .brought()
-                .map(|(digest, bytes, data)| self.put_blob(digest, bytes, data));
-            try_join_all(taken_in).await?;
+            self.take_in_brought(sender, rendered.brought()).await?;
             let missing = match self.context.blobs.objects() {
-                None => self.missing_images(&completion).await?,
+                None => self.missing_images(sender, &completion).await?,
                 Some(objects) => {
                     let settled = self.settle(objects, token, &rendered).await?;
                     let missing = settled.missing();
@@ -96,7 +103,7 @@ impl Farm {
             if !missing.is_empty() {
                 return Ok(Outcome::Missing(missing));
             }
-            if records && let Some(missing) = self.publish_images(&completion).await? {
+            if records && let Some(missing) = self.publish_images(sender, &completion).await? {
                 return Ok(Outcome::Missing(missing));
             }
         }
@@ -110,7 +117,8 @@ impl Farm {
             match self.job_store.complete(delivery.clone()).await {
                 // Sent again while it was about to be recorded.
                 Err(JobStoreError::Unpublished(_)) => {
-                    if let Some(missing) = self.publish_images(&delivery.completion).await? {
+                    if let Some(missing) = self.publish_images(sender, &delivery.completion).await?
+                    {
                         return Ok(Outcome::Missing(missing));
                     }
                 }
@@ -120,6 +128,7 @@ impl Farm {
         if let Some(settled) = uploads {
             settled.clear();
         }
+        self.drop_ended(&decision.changes);
         if decision.verdict.records()
             && let Some(holder) = &decision.holder
         {
@@ -140,6 +149,7 @@ impl Farm {
     /// returns all that are to be sent again.
     async fn publish_images(
         &self,
+        sender: Sender,
         completion: &Completion,
     ) -> Result<Option<Vec<Digest>>, FarmError> {
         match self.publisher.publish(completion).await {
@@ -147,7 +157,7 @@ impl Farm {
             Err(PublishError::Gone(error)) => {
                 let material = completion.material;
                 tracing::error!(material, %error, "a staged image is gone, and is asked for again");
-                let missing = self.missing_images(completion).await?;
+                let missing = self.missing_images(sender, completion).await?;
                 Ok((!missing.is_empty()).then_some(missing))
             }
             Err(PublishError::File(error)) => Err(FarmError::File(error)),
@@ -159,7 +169,11 @@ impl Farm {
     ///
     /// # Errors
     /// When one is here and is not what it should be.
-    async fn missing_images(&self, completion: &Completion) -> Result<Vec<Digest>, FarmError> {
+    async fn missing_images(
+        &self,
+        sender: Sender,
+        completion: &Completion,
+    ) -> Result<Vec<Digest>, FarmError> {
         let material = completion.material;
         let headers =
             validation::expected_headers(&self.specification, self.specification_hash, material);
@@ -168,7 +182,7 @@ impl Farm {
             let now = self.shared.now();
             let mut staging = self.context.staging();
             for (header, view) in headers.iter().zip(&completion.views) {
-                let Some(image) = staging.touch(&view.digest, now) else {
+                let Some(image) = staging.name(sender, &view.digest, now) else {
                     let place = BlobPlace {
                         material,
                         view: header.view,

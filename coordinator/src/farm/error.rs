@@ -25,8 +25,11 @@ pub(crate) enum FarmError {
     NotItsId(WorkerId),
     #[error("{0} workers are registered, and no more are admitted")]
     TooManyWorkers(usize),
-    #[error("{0} bytes of images await their completion, and no more are taken: try again later")]
-    StagingFull(u64),
+    #[error(
+        "there is no room for the images of material {0} beside those that others are sending: try \
+         again later"
+    )]
+    StagingFull(u32),
     #[error("images are to be sent to the URLs of GetUploadUrls: this farm keeps them in a bucket")]
     ByUrl,
     #[error("this farm takes images itself: send them with PutBlob")]

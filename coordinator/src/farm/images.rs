@@ -2,25 +2,47 @@
 
 use super::{Farm, FarmError};
 use crate::upload_slots::Interrupted;
+use bytes::Bytes;
 use dataset::Digest;
+use futures_util::future::try_join_all;
 use imagestore::{
     FileError,
     blobs::Blobs,
-    staging::{Stage, StagedImage},
+    staging::{Credential, LeaseOf, Sender},
     validation,
 };
 use jobstore::ledger::BlobPlace;
-use std::{sync::Arc, time::Instant};
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
 use tokio::task;
 
 impl Farm {
-    /// Which of the digests are neither staged nor in the store.
-    pub async fn find_missing(&self, digests: Vec<Digest>) -> Result<Vec<Digest>, FarmError> {
+    /// Which of the digests are neither staged nor in the store. Of a sender the images that are
+    /// staged are kept for its lease, and room for the others is reserved.
+    pub async fn find_missing(
+        &self,
+        of: Option<(LeaseOf, Credential)>,
+        digests: Vec<Digest>,
+    ) -> Result<Vec<Digest>, FarmError> {
+        let sender = match of {
+            Some((lease, credential)) if !self.takes_uploads_by_url() => {
+                let wait = limits::STAGING_WAIT;
+                Some(self.reserve(lease, credential, wait).await?)
+            }
+            _ => None,
+        };
         let unstaged: Vec<Digest> = {
-            let staging = self.context.staging();
+            let now = self.shared.now();
+            let mut staging = self.context.staging();
+            let mut is_staged = |digest: &Digest| match sender {
+                Some(sender) => staging.name(sender, digest, now).is_some(),
+                None => staging.contains(digest),
+            };
             digests
                 .into_iter()
-                .filter(|digest| !staging.contains(digest))
+                .filter(|digest| !is_staged(digest))
                 .collect()
         };
         let places = self.stored(unstaged).await?;
@@ -31,14 +53,17 @@ impl Farm {
             .collect())
     }
 
-    /// Takes an image in, unless it is staged: checks digest, layout and every pixel.
+    /// Takes an image of a leased material in, unless it is staged: checks digest, header, layout
+    /// and every pixel.
     pub async fn put_blob(
         &self,
+        lease: LeaseOf,
+        credential: Credential,
         digest: Digest,
         size: u64,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
-        if self.context.blobs.objects().is_some() {
+        if self.takes_uploads_by_url() {
             return Err(FarmError::ByUrl);
         }
         let received = data.as_ref().len() as u64;
@@ -47,54 +72,89 @@ impl Farm {
                 "the image was sent as {size} bytes and has {received}"
             )));
         }
-        if size > limits::protocol::BLOB_BYTES_MAX {
+        // The image is here: it waits for room nowhere, but is sent again.
+        let sender = self.reserve(lease, credential, Duration::ZERO).await?;
+        self.take_in(sender, digest, data).await
+    }
+
+    /// Takes images in that came along with the completion of a lease that is current.
+    pub(super) async fn take_in_brought(
+        &self,
+        sender: Sender,
+        images: Vec<(Digest, u64, Bytes)>,
+    ) -> Result<(), FarmError> {
+        if images.is_empty() {
+            return Ok(());
+        }
+        if self.takes_uploads_by_url() {
+            return Err(FarmError::ByUrl);
+        }
+        if let Some((_, size, data)) = images
+            .iter()
+            .find(|(_, size, data)| *size != data.len() as u64)
+        {
+            let received = data.len();
             return Err(FarmError::Invalid(format!(
-                "the image has {size} bytes, more than {}",
-                limits::protocol::BLOB_BYTES_MAX
+                "the image was sent as {size} bytes and has {received}"
             )));
         }
+        let bytes = images.iter().map(|(_, size, _)| size).sum();
+        let now = self.shared.now();
+        let room = self.context.staging().reserve_at_once(sender, bytes, now);
+        if !room {
+            return Err(FarmError::StagingFull(sender.lease.material));
+        }
+        let images = images.into_iter();
+        let taken_in = images.map(|(digest, _, data)| self.take_in(sender, digest, data));
+        try_join_all(taken_in).await.map(drop)
+    }
+
+    /// Checks an image and puts it into the room of its lease.
+    async fn take_in(
+        &self,
+        sender: Sender,
+        digest: Digest,
+        data: impl AsRef<[u8]> + Send + 'static,
+    ) -> Result<(), FarmError> {
         let shared = Arc::clone(&self.shared);
         let context = Arc::clone(&self.context);
-        let film = self.specification.image.clone();
-        // What is begun runs to its end even when the caller goes away, so what it reserves it also
-        // gives back. Whether the image is in the store already is not looked up: a worker asks
-        // before it sends, and a second copy is dropped when it grows old.
-        let take_in = move || {
+        let specification = Arc::clone(&self.specification);
+        let material = sender.lease.material;
+        let headers =
+            validation::expected_headers(&specification, self.specification_hash, material);
+        // What is begun runs to its end even when the caller goes away. Whether the image is in the
+        // store already is not looked up: a worker asks before it sends.
+        let take_in = move || -> Result<(), FarmError> {
             context.blobs.check_room()?;
-            {
+            let is_staged = {
                 let mut staging = context.staging();
-                if staging.contains(&digest) {
-                    return Ok(());
-                }
-                if !staging.reserve(size) {
-                    return Err(FarmError::StagingFull(limits::STAGED_BYTES_MAX));
-                }
+                staging.name(sender, &digest, shared.now()).is_some()
+            };
+            if is_staged {
+                return Ok(());
             }
             let bytes = data.as_ref();
-            let staged = validation::check_digest(bytes, digest)
-                .and_then(|()| validation::inspect(bytes, &film))
-                .map_err(FarmError::from)
-                .and_then(|header| Ok((header, context.blobs.stage(digest, bytes)?)));
-            match staged {
-                Ok((header, file)) => {
-                    let image = StagedImage {
-                        file,
-                        bytes: size,
-                        header,
-                        since: shared.now(),
-                        stage: Stage::Waiting,
-                    };
-                    let unused = context.staging().insert(image);
-                    if let Some(unused) = unused {
-                        context.blobs.discard(&unused);
-                    }
-                    Ok(())
-                }
-                Err(error) => {
-                    context.staging().release(size);
-                    Err(error)
-                }
+            let size = bytes.len() as u64;
+            // Another view's may be a few bytes larger or smaller: it is looked at again below.
+            let sizes = headers.iter();
+            let sizes = sizes.map(|header| validation::image_bytes_max(&specification, header));
+            let size_max = sizes.max().unwrap_or(0);
+            validation::check_size_max(size, size_max)?;
+            validation::check_digest(bytes, digest)?;
+            let header = validation::inspect(bytes, &specification)?;
+            let expected = headers.get(header.view as usize).unwrap_or(&headers[0]);
+            validation::check_identity(&header, expected)?;
+            let file = context.blobs.stage(digest, bytes)?;
+            let now = shared.now();
+            let inserted = context
+                .staging()
+                .insert(sender.lease, file, size, header, now);
+            let surplus = inserted.surplus.iter();
+            surplus.for_each(|file| context.blobs.discard(file));
+            if !inserted.counts {
+                return Err(FarmError::StagingFull(material));
             }
+            Ok(())
         };
         let arrived = Instant::now();
         let taken = self.uploads.run(take_in).await;

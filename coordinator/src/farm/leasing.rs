@@ -11,13 +11,10 @@ use jobqueue::{
     identity::identity,
     token::{Token, WorkerId},
 };
-use jobstore::{Failed, JobStoreError, Leased, Overview, Renewal};
+use jobstore::{Failed, JobStoreError, Leased, Overview, Renewal, Waiter};
 use limits::protocol::{JOBS_PER_CALL_MAX, LEASE_WAIT_MAX};
 use std::{collections::HashSet, time::Duration};
-use tokio::{
-    task::spawn_blocking,
-    time::{Instant, timeout_at},
-};
+use tokio::time::{Instant, timeout_at};
 
 impl Farm {
     pub async fn register(
@@ -71,11 +68,11 @@ impl Farm {
             .collect::<Result<Vec<Token>, FarmError>>()?;
         let mut stopping = self.stopping.clone();
         self.hear_of(worker).await?;
+        // The wake-up that led to this look: where it finds nothing others are woken.
+        let mut woken: Option<Waiter> = None;
         loop {
             // Listening begins before looking, so that nothing is missed in between.
-            let work = self.context.work.notified();
-            tokio::pin!(work);
-            work.as_mut().enable();
+            let waiter = self.context.work.wait();
             if *stopping.borrow() {
                 return Ok(Leased::default());
             }
@@ -89,17 +86,23 @@ impl Farm {
             if !leased.jobs.is_empty() {
                 self.metrics.note_leases(leased.jobs.len());
                 self.tell_leased(name, &leased.jobs);
+                waiter.used();
+                if let Some(woken) = woken {
+                    woken.used();
+                }
                 return Ok(leased);
             }
             if leased.finished || leased.draining {
                 return Ok(leased);
             }
+            drop(woken);
             tokio::select! {
-                woken = timeout_at(deadline, work) => if woken.is_err() {
+                rung = timeout_at(deadline, waiter.woken()) => if rung.is_err() {
                     return Ok(leased);
                 },
                 _ = stopping.wait_for(|stopping| *stopping) => {}
             }
+            woken = Some(waiter);
             self.hear_of(worker).await?;
         }
     }
@@ -128,6 +131,7 @@ impl Farm {
         error: String,
     ) -> Result<bool, FarmError> {
         let Failed { worker, changes } = self.job_store.fail(material, token, &error).await?;
+        self.drop_ended(&changes);
         let event = Event::new(EventKind::Failed).material(material);
         self.emit(event.worker(worker).lease(token).text(error));
         Ok(self.tell_troubles(&changes).contains(&material))
@@ -137,6 +141,7 @@ impl Farm {
     pub async fn deregister(&self, worker: WorkerId) -> Result<u32, FarmError> {
         let name = self.job_store.name(worker).await?;
         let changes = self.job_store.release(worker).await?;
+        self.drop_ended(&changes);
         let released = changes.jobs.len() as u32;
         {
             let mut state = self.shared.lock();
@@ -151,11 +156,12 @@ impl Farm {
     }
 
     /// Takes back leases that ran out, lifts blocks that did, forgets workers that are gone, and
-    /// drops images that nobody completed. Returns how long it can be before the next call.
+    /// drops images whose lease is over. Returns how long it can be before the next call.
     pub async fn sweep(&self) -> Result<Duration, JobStoreError> {
         let now = self.shared.now();
-        self.drop_old_images(now).await;
+        self.tend_staging(now).await;
         let expired = self.job_store.expire().await?;
+        self.drop_ended(&expired.changes);
         self.draw_audits().await?;
         self.forget_absent(now).await?;
         for lease in expired.lost {
@@ -190,19 +196,6 @@ impl Farm {
             self.emit(event.text("another worker renders it again before the set is finished"));
         }
         Ok(())
-    }
-
-    /// Drops staged images whose completion never came.
-    async fn drop_old_images(&self, now: Duration) {
-        let files = self.context.staging().take_old(now);
-        if files.is_empty() {
-            return;
-        }
-        let blobs = self.context.blobs.clone();
-        let discarded = spawn_blocking(move || files.iter().for_each(|file| blobs.discard(file)));
-        if let Err(error) = discarded.await {
-            tracing::warn!(%error, "old staged images are left where they are");
-        }
     }
 
     /// Forgets workers that were not heard of for long and hold nothing.

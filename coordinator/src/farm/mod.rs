@@ -10,6 +10,7 @@ mod events;
 mod images;
 mod leasing;
 mod operating;
+mod staging;
 mod uploads;
 
 pub(crate) use completing::{Outcome, RenderedImage, RenderedMaterial};
@@ -62,7 +63,7 @@ struct Shared {
 
 /// A coordinator's state and operations.
 pub(crate) struct Farm {
-    pub specification: Specification,
+    pub specification: Arc<Specification>,
     pub specification_hash: Digest,
     pub policy: Policy,
     shared: Arc<Shared>,
@@ -112,7 +113,7 @@ impl Farm {
         stopping: watch::Receiver<bool>,
         supervisor: &mut Supervisor,
     ) -> Result<(Self, Option<File>), FarmError> {
-        let specification = store.specification().clone();
+        let specification = Arc::new(store.specification().clone());
         let shared = Arc::new(Shared {
             state: Mutex::new(State {
                 overview: Overview::default(),
@@ -203,7 +204,7 @@ async fn own_job_store(
     let (blobs, recovered, lock) = store.into_parts();
     queue.restore(recovered.kept, Duration::ZERO);
     shared.lock().bytes_before = recovered.image_bytes;
-    let context = context(blobs.keeping_free(options.disk_reserve_bytes), shared);
+    let context = context(blobs, options, shared);
     let started = shared.started;
     let job_store = LocalJobStore::start(
         queue,
@@ -229,8 +230,7 @@ async fn shared_job_store(
     metrics: &Arc<Metrics>,
     shared: &Arc<Shared>,
 ) -> Result<Opened, FarmError> {
-    let blobs = store.blobs.keeping_free(options.disk_reserve_bytes);
-    let context = context(blobs, shared);
+    let context = context(store.blobs, options, shared);
     let job_store = PostgresJobStore::new(
         store.database,
         options.queue_policy(),
@@ -242,13 +242,15 @@ async fn shared_job_store(
     Ok((Arc::new(job_store), context, store.staging_lock))
 }
 
-fn context(blobs: Blobs, shared: &Arc<Shared>) -> Arc<JobStoreContext> {
+fn context(blobs: Blobs, options: &Options, shared: &Arc<Shared>) -> Arc<JobStoreContext> {
     let told = Arc::clone(shared);
-    Arc::new(JobStoreContext::new(blobs, move |around, overview| {
+    let blobs = blobs.keeping_free(options.disk_reserve_bytes);
+    let context = JobStoreContext::new(blobs, move |around, overview| {
         let mut state = told.lock();
         state.overview = overview;
         told.publish(&state, around);
-    }))
+    });
+    Arc::new(context.staging_at_most(options.staged_bytes_max))
 }
 
 fn random<const BYTES: usize>() -> Result<[u8; BYTES], FarmError> {

@@ -20,12 +20,13 @@
 //! completes them, somebody renders them again, or `gc` removes them.
 
 use super::{Farm, FarmError, RenderedImage, RenderedMaterial, Shared};
-use dataset::{Digest, ImageHeader, blob_path, specification::Image};
+use dataset::{Digest, ImageHeader, Specification, blob_path};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use imagestore::{
     FileError,
     blobs::{Objects, staging_key},
     bucket::{Bucket, UploadUrl},
+    staging::LeaseOf,
     validation::{self, Rejection},
 };
 use jobqueue::token::Token;
@@ -57,7 +58,7 @@ struct Claim {
     known: Option<BlobPlace>,
     // Where its upload is.
     staged: String,
-    film: Image,
+    specification: Arc<Specification>,
     header: ImageHeader,
 }
 
@@ -87,9 +88,7 @@ impl Farm {
         let Some(objects) = self.context.blobs.objects() else {
             return Err(FarmError::NotByUrl);
         };
-        // No completion has this fingerprint: only whoever has the lease is told where it stands.
-        let none = Digest::of(&[]);
-        self.job_store.standing(material, token, none).await?;
+        self.lease_holder(LeaseOf { material, token }).await?;
         let valid = self.policy.lease * limits::UPLOAD_URL_LEASES;
         let lease = lease_name(token);
         let bucket = objects.bucket().clone();
@@ -160,11 +159,11 @@ impl Farm {
         let images = rendered.images.iter().zip(headers).zip(known);
         images
             .map(|((RenderedImage { view, md5, .. }, header), known)| {
-                if view.bytes > limits::protocol::BLOB_BYTES_MAX {
-                    let (bytes, max) = (view.bytes, limits::protocol::BLOB_BYTES_MAX);
-                    let reason = format!("an image has {bytes} bytes, more than {max}");
-                    return Err(FarmError::Invalid(reason));
-                }
+                let size = validation::check_size(view.bytes, &self.specification, &header);
+                size.map_err(|reason| FarmError::Image {
+                    view: header.view,
+                    reason,
+                })?;
                 let missing = || FarmError::Invalid("a view has no MD5".to_owned());
                 Ok(Claim {
                     objects: objects.clone(),
@@ -177,7 +176,7 @@ impl Farm {
                     },
                     known,
                     staged: staging_key(&lease, &view.digest),
-                    film: self.specification.image.clone(),
+                    specification: Arc::clone(&self.specification),
                     header,
                 })
             })
@@ -223,10 +222,11 @@ impl Claim {
     async fn read_and_check(&self) -> Result<Vec<u8>, FarmError> {
         let read = self.objects.bucket().read(&self.staged, self.place.bytes);
         let bytes = read.await.map_err(FarmError::Bucket)?;
-        let (digest, film, header) = (self.digest, self.film.clone(), self.header.clone());
+        let (digest, header) = (self.digest, self.header.clone());
+        let specification = Arc::clone(&self.specification);
         let checked = task::spawn_blocking(move || {
             validation::check_digest(&bytes, digest)?;
-            validation::check_identity(&validation::inspect(&bytes, &film)?, &header)?;
+            validation::check_identity(&validation::inspect(&bytes, &specification)?, &header)?;
             Ok::<_, Rejection>(bytes)
         });
         let checked = checked.await.map_err(|_| FarmError::Interrupted)?;

@@ -2,34 +2,34 @@
 //!
 //! A connection counts once its peer has spoken: until then it is one of a bounded number,
 //! of which the longest silent half are closed when there are too many, and all after a while.
-//! Honest clients speak at once, so they get through however many are silent. The number of those
-//! that have spoken is bounded too.
+//! Honest clients speak at once, so they get through however many are silent. Who has spoken is a
+//! stranger until a call is authorised (`strangers`).
 
+use super::strangers::{Peer, Strangers, Visit};
 use std::{
     collections::VecDeque,
     io,
     net::SocketAddr,
     pin::Pin,
-    sync::Arc,
     task::{Context, Poll},
 };
 use tokio::{
     io::{AsyncRead, AsyncWrite, ReadBuf},
     net::{TcpListener, TcpSocket, TcpStream},
-    sync::{OwnedSemaphorePermit, Semaphore, mpsc},
+    sync::mpsc,
     task::{AbortHandle, JoinSet},
     time::{sleep, timeout},
 };
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::server::{Connected, TcpConnectInfo};
+use tonic::transport::server::Connected;
 
 /// How an HTTP/2 connection without TLS begins.
 const PREFACE_BYTES: usize = 24;
 
-/// A connection whose peer has spoken, and its place among those admitted.
+/// A connection whose peer has spoken.
 pub(crate) struct Connection {
     stream: TcpStream,
-    _place: OwnedSemaphorePermit,
+    visit: Visit,
 }
 
 /// Listens on an address. The system's own queue is made long: where it overflows an honest client
@@ -61,7 +61,11 @@ async fn accept(
     preface: bool,
     admitted: mpsc::Sender<Result<Connection, io::Error>>,
 ) {
-    let places = Arc::new(Semaphore::new(limits::CONNECTIONS_MAX));
+    let strangers = Strangers::new(
+        limits::STRANGERS_MAX,
+        limits::STRANGER_STAY,
+        limits::CONNECTIONS_MAX,
+    );
     let mut silent = JoinSet::new();
     let mut handles: VecDeque<AbortHandle> = VecDeque::new();
     loop {
@@ -70,8 +74,8 @@ async fn accept(
             Some(_) = silent.join_next() => continue,
             () = admitted.closed() => return,
         };
-        let stream = match accepted {
-            Ok((stream, _)) => stream,
+        let (stream, address) = match accepted {
+            Ok(accepted) => accepted,
             Err(error) => {
                 tracing::debug!(%error, "a connection could not be accepted");
                 sleep(limits::ACCEPT_PAUSE).await;
@@ -86,54 +90,45 @@ async fn accept(
                 .saturating_sub(limits::SILENT_CONNECTIONS_MAX / 2);
             handles.drain(..surplus).for_each(|longest| longest.abort());
         }
-        let welcome = welcome(stream, preface, Arc::clone(&places), admitted.clone());
-        handles.push_back(silent.spawn(async {
+        let welcome = welcome(stream, preface);
+        let admitted = admitted.clone();
+        let strangers = strangers.clone();
+        handles.push_back(silent.spawn(async move {
             // Whoever is too slow is put out without a word.
-            let _ = timeout(limits::SILENCE_MAX, welcome).await;
+            let Ok(Some(stream)) = timeout(limits::SILENCE_MAX, welcome).await else {
+                return;
+            };
+            let visit = strangers.let_in(address.ip());
+            // An error means that nobody serves any more.
+            let _ = admitted.send(Ok(Connection { stream, visit })).await;
         }));
     }
 }
 
-async fn welcome(
-    stream: TcpStream,
-    preface: bool,
-    places: Arc<Semaphore>,
-    admitted: mpsc::Sender<Result<Connection, io::Error>>,
-) {
+/// Waits until a peer has spoken.
+async fn welcome(stream: TcpStream, preface: bool) -> Option<TcpStream> {
     let wanted = if preface { PREFACE_BYTES } else { 1 };
     let mut begin = [0; PREFACE_BYTES];
     while let Ok(seen) = stream.peek(&mut begin).await {
         if seen == 0 {
-            return;
+            return None;
         }
         if seen >= wanted {
-            break;
+            // Small messages are not to wait for more; where this fails they merely do.
+            let _ = stream.set_nodelay(true);
+            return Some(stream);
         }
         // What was seen stays readable, so waiting for more has to be done by the clock.
         sleep(limits::ACCEPT_PAUSE).await;
     }
-    let Ok(place) = places.try_acquire_owned() else {
-        tracing::warn!(
-            "{} connections are open, and one more is refused",
-            limits::CONNECTIONS_MAX
-        );
-        return;
-    };
-    // Small messages are not to wait for more; where this fails they merely do.
-    let _ = stream.set_nodelay(true);
-    let connection = Connection {
-        stream,
-        _place: place,
-    };
-    // An error means that nobody serves any more.
-    let _ = admitted.send(Ok(connection)).await;
+    None
 }
 
 impl Connected for Connection {
-    type ConnectInfo = TcpConnectInfo;
+    type ConnectInfo = Peer;
 
-    fn connect_info(&self) -> TcpConnectInfo {
-        self.stream.connect_info()
+    fn connect_info(&self) -> Peer {
+        self.visit.peer.clone()
     }
 }
 
@@ -143,6 +138,10 @@ impl AsyncRead for Connection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
+        if self.visit.poll_end(context).is_ready() {
+            let why = "no call was authorised in time";
+            return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, why)));
+        }
         Pin::new(&mut self.stream).poll_read(context, buffer)
     }
 }

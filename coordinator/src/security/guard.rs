@@ -2,7 +2,7 @@
 //! read: a bound on the memory that all messages under way take together, and on the time that one
 //! may take to arrive.
 
-use super::{Caller, Role, Tokens};
+use super::{Caller, Role, Tokens, strangers::Peer};
 use crate::{metrics::Metrics, service::refuse};
 use http::{Request, Response, header::AUTHORIZATION};
 use http_body::{Frame, SizeHint};
@@ -16,7 +16,7 @@ use std::{
     task::{Context, Poll},
 };
 use tokio::time::{Instant, Sleep, sleep};
-use tonic::{Code, Status, body::Body};
+use tonic::{Code, Status, body::Body, transport::server::TlsConnectInfo};
 use tower::{Layer, Service};
 
 /// The calls that a reader may make; everything else of the same service is for operators.
@@ -96,6 +96,14 @@ impl Guard {
         let what = format!("a token of the role {role:?} is not for this call").to_lowercase();
         Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
     }
+}
+
+/// Who is at the other end of a call's connection; nobody where there is none, as in a test.
+fn peer<B>(request: &Request<B>) -> Option<&Peer> {
+    let extensions = request.extensions();
+    let encrypted = extensions.get::<TlsConnectInfo<Peer>>();
+    let plain = || extensions.get::<Peer>();
+    encrypted.map(TlsConnectInfo::get_ref).or_else(plain)
 }
 
 fn may(role: Role, path: &str) -> bool {
@@ -195,6 +203,12 @@ where
         let metrics = Arc::clone(&self.guard.metrics);
         match self.guard.admit(&request) {
             Ok(caller) => {
+                // Asking after the health takes no token, and makes nobody known.
+                if (self.guard.tokens.is_none() || caller.is_some())
+                    && let Some(peer) = peer(&request)
+                {
+                    peer.introduce();
+                }
                 if let Some(caller) = caller {
                     request.extensions_mut().insert(caller);
                 }

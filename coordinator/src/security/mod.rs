@@ -5,9 +5,11 @@
 //! | `tokens` | which token has which role, compared in constant time |
 //! | `guard` | every call: its role, the memory and the time that its message may take |
 //! | `admission` | every connection: how many, and how long each may keep silent at first |
+//! | `strangers` | connections that have shown no token: how many, and how long |
 
 pub(crate) mod admission;
 pub(crate) mod guard;
+mod strangers;
 mod tokens;
 
 pub use tokens::{Caller, Role, TokenError, Tokens};

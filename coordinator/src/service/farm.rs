@@ -10,6 +10,7 @@ use crate::{
     security::{Caller, Role},
 };
 use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
+use imagestore::staging::{Credential, LeaseOf};
 use jobqueue::identity::{OPERATOR, full_name};
 use jobstore::Renewal;
 use std::{sync::Arc, time::Duration};
@@ -115,6 +116,7 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::FindMissingBlobsRequest>,
     ) -> Answer<proto::FindMissingBlobsResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         if message.digests.len() > limits::protocol::DIGESTS_PER_CALL_MAX {
             let max = limits::protocol::DIGESTS_PER_CALL_MAX;
@@ -122,7 +124,19 @@ impl proto::Farm for FarmService {
         }
         let digests = message.digests.iter().map(|bytes| digest("digests", bytes));
         let digests = digests.collect::<Result<Vec<Digest>, Status>>()?;
-        let missing = self.farm.find_missing(digests).await?;
+        // Whoever sends images one by one says for which job, and finds room for them.
+        let sender = match message.token.as_slice() {
+            [] => None,
+            bytes => {
+                let token = token(bytes)?;
+                let lease = LeaseOf {
+                    material: message.material,
+                    token,
+                };
+                Some((lease, by))
+            }
+        };
+        let missing = self.farm.find_missing(sender, digests).await?;
         Ok(Response::new(proto::FindMissingBlobsResponse {
             missing: missing.iter().map(message_digest).collect(),
             upload_by_url: self.farm.takes_uploads_by_url(),
@@ -162,10 +176,20 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::PutBlobRequest>,
     ) -> Answer<proto::PutBlobResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         let digest = digest("digest", &message.digest)?;
+        if message.token.is_empty() {
+            let reason = "an image is sent under the lease of its material, and this call names \
+                          none: install the brdfarm that the coordinator runs";
+            return Err(invalid("token", reason));
+        }
+        let lease = LeaseOf {
+            material: message.material,
+            token: token(&message.token)?,
+        };
         self.farm
-            .put_blob(digest, message.size, message.data)
+            .put_blob(lease, by, digest, message.size, message.data)
             .await?;
         Ok(Response::new(proto::PutBlobResponse {}))
     }
@@ -174,6 +198,7 @@ impl proto::Farm for FarmService {
         &self,
         request: Request<proto::CompleteRequest>,
     ) -> Answer<proto::CompleteResponse> {
+        let by = caller(&request);
         let message = request.into_inner();
         let token = token(&message.token)?;
         if message.views.len() > limits::protocol::VIEWS_MAX {
@@ -188,6 +213,7 @@ impl proto::Farm for FarmService {
             material: message.material,
             images: images.collect::<Result<_, Status>>()?,
             seconds: message.seconds,
+            by,
         };
         check_brought(&rendered)?;
         let span = info_span!("job", material = message.material, lease = %token);
@@ -259,6 +285,12 @@ fn credential(caller: Option<&Caller>, resolves_disputes: bool) -> Result<Option
             Err(refuse(Code::PermissionDenied, "WRONG_ROLE", what))
         }
     }
+}
+
+/// Which credential answers for what a call stages.
+fn caller<M>(request: &Request<M>) -> Credential {
+    let caller = request.extensions().get::<Caller>();
+    caller.map(|caller| Digest::of(caller.credential.as_bytes()))
 }
 
 fn md5(field: &str, bytes: &[u8]) -> Result<Md5, Status> {

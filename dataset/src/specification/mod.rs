@@ -50,6 +50,17 @@ pub struct Specification {
     pub views: Vec<View>,
 }
 
+impl Specification {
+    /// The luminance in cd/m^2 of a pixel of value 1: that of a white diffuser at the origin which
+    /// faces the bulb.
+    pub fn white_luminance(&self) -> f64 {
+        let light = &self.light;
+        let flux_lm = light.power_w * light.efficacy_lm_per_w;
+        let sphere_m2 = 4.0 * std::f64::consts::PI * light.distance_m * light.distance_m;
+        flux_lm / sphere_m2 / std::f64::consts::PI
+    }
+}
+
 /// How the tint of a reflection is formed from Fresnel's reflectance and the two colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -80,6 +91,16 @@ pub enum Pixel {
     Half,
     /// 32-bit floats.
     Float,
+}
+
+impl Pixel {
+    /// Bytes of one channel of one pixel.
+    pub fn bytes(self) -> u64 {
+        match self {
+            Self::Half => 2,
+            Self::Float => 4,
+        }
+    }
 }
 
 /// The error allowed in a pixel: the larger of both bounds.

@@ -117,7 +117,7 @@ fn check(
             return Err(wrong(format!("it has not {} bytes", wanted.done.bytes)));
         }
         check_digest(file, wanted.done.digest)
-            .and_then(|()| inspect(file, &specification.image))
+            .and_then(|()| inspect(file, specification))
             .and_then(|found| check_identity(&found, header))
             .map_err(|rejection| wrong(rejection.to_string()))?;
     }

@@ -97,7 +97,7 @@ impl Products {
 #[derive(Debug)]
 pub struct Factory {
     products: Products,
-    film: Image,
+    specification: Specification,
     // By view; empty where nothing is rectified.
     rectifiers: Vec<Option<Rectifier>>,
 }
@@ -134,7 +134,7 @@ impl Factory {
         };
         Ok(Self {
             products: products.clone(),
-            film: specification.image.clone(),
+            specification: specification.clone(),
             rectifiers,
         })
     }
@@ -159,21 +159,21 @@ impl Factory {
             return Ok(vec![Product { kind, bytes: exr }]);
         }
         let decoded =
-            decode(&exr, &self.film).map_err(|rejection| faulty(rejection.to_string()))?;
+            decode(&exr, &self.specification).map_err(|rejection| faulty(rejection.to_string()))?;
         let rectifier = self.rectifiers.get(image.view as usize);
         let square = match rectifier.and_then(Option::as_ref) {
             Some(rectifier) => Picture {
                 width: rectifier.side(),
                 height: rectifier.side(),
-                pixel: self.film.pixel,
+                pixel: self.specification.image.pixel,
                 values: rectifier.apply(&decoded.pixels),
             },
             None => Picture::default(),
         };
         let film = Picture {
-            width: self.film.width,
-            height: self.film.height,
-            pixel: self.film.pixel,
+            width: self.specification.image.width,
+            height: self.specification.image.height,
+            pixel: self.specification.image.pixel,
             values: decoded.pixels,
         };
         let exposure = self.products.png_exposure_stops.unwrap_or_default();
@@ -195,7 +195,8 @@ impl Factory {
 
     /// How many bytes all files of an image of `exr_bytes` have, at most.
     pub fn bytes_max(&self, exr_bytes: u64) -> u64 {
-        let film = u64::from(self.film.width) * u64::from(self.film.height);
+        let film = &self.specification.image;
+        let film = u64::from(film.width) * u64::from(film.height);
         let side = u64::from(self.products.rectified_side.unwrap_or_default());
         let kinds = self.products.kinds();
         let sizes = kinds.iter().map(|kind| {
@@ -204,7 +205,7 @@ impl Factory {
                 (Encoding::Exr, false) => exr_bytes,
                 // Incompressible in the worst case, and a little more.
                 (Encoding::Exr | Encoding::Npy, _) => {
-                    pixels * 3 * sample_bytes(self.film.pixel) * 17 / 16 + 4096
+                    pixels * 3 * sample_bytes(self.specification.image.pixel) * 17 / 16 + 4096
                 }
                 (Encoding::Png, _) => pixels * 3 * 17 / 16 + 4096,
             }

@@ -1,9 +1,8 @@
+-- Ranges do not overlap, and all of them together are a window of few materials.
 SELECT material, record, coalesce(leases.views_done, 0)
-FROM jobs LEFT JOIN leases USING (material)
-WHERE material >= $1 AND stage = ANY ($2::text[]::stage[])
-    AND ($3::bigint[] = '{}' OR EXISTS (
-        SELECT FROM unnest($3::bigint[], $4::bigint[]) AS ranges (first, last)
-        WHERE material BETWEEN first AND last
-    ))
+FROM unnest($1::bigint[], $2::bigint[]) AS ranges (first, last)
+    JOIN jobs ON material BETWEEN first AND last
+    LEFT JOIN leases USING (material)
+WHERE stage = ANY ($3::text[]::stage[])
 ORDER BY material
-LIMIT $5
+LIMIT $4

@@ -1,9 +1,7 @@
-SELECT material, record FROM jobs
-WHERE material >= $1 AND stage = ANY ($2::text[]::stage[])
-    AND ($3::bigint[] = '{}' OR EXISTS (
-        SELECT FROM unnest($3::bigint[], $4::bigint[]) AS ranges (first, last)
-        WHERE material BETWEEN first AND last
-    ))
+-- As page.sql.
+SELECT material, record
+FROM unnest($1::bigint[], $2::bigint[]) AS ranges (first, last)
+    JOIN jobs ON material BETWEEN first AND last
+WHERE stage = ANY ($3::text[]::stage[])
 ORDER BY material
-LIMIT $5
-FOR UPDATE
+FOR UPDATE OF jobs

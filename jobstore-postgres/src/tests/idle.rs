@@ -28,11 +28,11 @@ async fn wait_for_work(
     // Not all at once.
     sleep(Duration::from_millis(100 * u64::from(number))).await;
     loop {
-        let work = context.work.notified();
+        let work = context.work.wait();
         let leased = job_store.claim(worker(number), &tokens(1)).await.unwrap();
         assert!(leased.jobs.is_empty());
         let wait = limits::protocol::LEASE_WAIT_MAX;
-        drop(timeout(wait, work).await);
+        drop(timeout(wait, work.woken()).await);
     }
 }
 

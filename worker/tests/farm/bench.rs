@@ -11,6 +11,7 @@ use proto::{
     client::{Credentials, with_deadline},
 };
 use std::{
+    collections::HashMap,
     net::SocketAddr,
     path::Path,
     sync::{
@@ -33,6 +34,7 @@ pub struct Bench {
     pub policy: Policy,
     pub redundant_per_million: u32,
     pub disk_reserve_bytes: u64,
+    pub staged_bytes_max: u64,
     pub rendered: Arc<AtomicU64>,
 }
 
@@ -112,6 +114,7 @@ impl Bench {
             policy: Policy::default(),
             redundant_per_million: 0,
             disk_reserve_bytes: 0,
+            staged_bytes_max: limits::STAGED_BYTES_MAX,
             rendered: Arc::default(),
         }
     }
@@ -136,6 +139,7 @@ impl Bench {
             policy: self.policy,
             redundant_per_million: self.redundant_per_million,
             disk_reserve_bytes: self.disk_reserve_bytes,
+            staged_bytes_max: self.staged_bytes_max,
             ..Options::default()
         };
         Coordinator::start(store, options).await.unwrap()
@@ -208,6 +212,8 @@ impl Bench {
 pub struct Puppet {
     pub client: FarmClient,
     pub id: Vec<u8>,
+    /// Tokens of what it leased, by material.
+    pub held: HashMap<u32, Vec<u8>>,
     specification: Specification,
 }
 
@@ -229,6 +235,7 @@ impl Puppet {
         Self {
             client,
             id: answer.into_inner().worker_id,
+            held: HashMap::new(),
             specification: bench.specification.clone(),
         }
     }
@@ -244,7 +251,11 @@ impl Puppet {
             wait_ms: 0,
         };
         let answer = self.client.lease(with_deadline(message)).await?;
-        Ok(answer.into_inner())
+        let leased = answer.into_inner();
+        let held = leased.jobs.iter();
+        self.held
+            .extend(held.map(|job| (job.material, job.token.clone())));
+        Ok(leased)
     }
 
     pub async fn lease_one(&mut self) -> proto::Job {
@@ -278,11 +289,30 @@ impl Puppet {
         answer.unwrap().into_inner()
     }
 
-    pub async fn put(&mut self, digest: Digest, data: Vec<u8>) -> Result<(), Status> {
+    /// Sends an image under the lease that it has of the material, if any.
+    pub async fn put(
+        &mut self,
+        material: u32,
+        digest: Digest,
+        data: Vec<u8>,
+    ) -> Result<(), Status> {
+        let token = self.held.get(&material).cloned().unwrap_or_default();
+        self.put_under(token, material, digest, data).await
+    }
+
+    pub async fn put_under(
+        &mut self,
+        token: Vec<u8>,
+        material: u32,
+        digest: Digest,
+        data: Vec<u8>,
+    ) -> Result<(), Status> {
         let message = proto::PutBlobRequest {
             digest: digest.as_bytes().to_vec(),
             size: data.len() as u64,
             data: data.into(),
+            token,
+            material,
         };
         self.client.put_blob(with_deadline(message)).await?;
         Ok(())
@@ -290,7 +320,7 @@ impl Puppet {
 
     pub async fn put_all(&mut self, material: u32) {
         for bytes in self.images(material) {
-            self.put(Digest::of(&bytes), bytes).await.unwrap();
+            self.put(material, Digest::of(&bytes), bytes).await.unwrap();
         }
     }
 

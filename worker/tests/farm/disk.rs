@@ -50,7 +50,7 @@ async fn a_full_disk_takes_nothing_new_keeps_what_came_and_goes_on_when_there_is
     fill(&first, bench.disk_reserve_bytes - MARGIN_BYTES);
     expect_full(worker.try_lease(1).await);
     let image = worker.images(2).swap_remove(0);
-    expect_full(worker.put(Digest::of(&image), image).await);
+    expect_full(worker.put(2, Digest::of(&image), image).await);
     worker.complete(&jobs[0].token, 0).await.unwrap();
     let kept = coordinator.progress().borrow().counts;
     assert_eq!((kept.completed, kept.leased), (1, 2));

@@ -30,6 +30,13 @@ async fn a_lost_lease_goes_to_another_worker_and_its_late_completion_does_not_co
     assert_eq!(coordinator.progress().borrow().counts.completed, 0);
 
     let answer = other.complete(&taken.token, 0).await.unwrap();
+    assert_eq!(
+        answer.missing.len(),
+        3,
+        "what was staged died with its lease"
+    );
+    other.put_all(0).await;
+    let answer = other.complete(&taken.token, 0).await.unwrap();
     assert!(answer.missing.is_empty() && !answer.repeated);
     // Done: the same again is no error and changes nothing, whoever says it.
     for token in [&lost.token, &taken.token] {

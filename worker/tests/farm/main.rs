@@ -13,3 +13,4 @@ mod leases;
 mod operation;
 mod refusals;
 mod restarts;
+mod staging;

@@ -58,6 +58,7 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
     let bench = Bench::new(3);
     let coordinator = bench.coordinator().await;
     let mut puppet = Puppet::register(&bench, &coordinator.url()).await;
+    let token = puppet.lease_one().await.token;
     let image = cheap_image(&bench.specification, 0, 0);
     let mut larger = bench.specification.clone();
     larger.image.width = 4096;
@@ -66,11 +67,11 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
     let oversized = vec![0; protocol::BLOB_BYTES_MAX as usize + 1];
     for (digest, bytes, what) in [
         (Digest::of(b"other"), image.clone(), "digest"),
-        (Digest::of(&larger), larger.clone(), "data window"),
+        (Digest::of(&larger), larger.clone(), "at most"),
         (Digest::of(&noise), noise.clone(), "no EXR"),
-        (Digest::of(&oversized), oversized.clone(), "more than"),
+        (Digest::of(&oversized), oversized.clone(), "at most"),
     ] {
-        let refused = puppet.put(digest, bytes).await.unwrap_err();
+        let refused = puppet.put(0, digest, bytes).await.unwrap_err();
         assert_eq!(refused.code(), Code::InvalidArgument, "{refused}");
         assert!(refused.message().contains(what), "{refused}");
     }
@@ -78,6 +79,8 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
         digest: Digest::of(&image).as_bytes().to_vec(),
         size: image.len() as u64 - 1,
         data: image.clone().into(),
+        token,
+        material: 0,
     };
     let refused = puppet.client.put_blob(with_deadline(message)).await;
     assert_eq!(refused.unwrap_err().code(), Code::InvalidArgument);
@@ -85,7 +88,8 @@ async fn what_is_no_image_of_the_set_is_not_taken() {
     assert_eq!(staged.count(), 0);
     // The right one is, twice.
     for _ in 0..2 {
-        puppet.put(Digest::of(&image), image.clone()).await.unwrap();
+        let put = puppet.put(0, Digest::of(&image), image.clone()).await;
+        put.unwrap();
     }
     coordinator.shutdown().await;
 }
@@ -134,12 +138,13 @@ async fn a_completion_needs_every_image_and_the_right_ones() {
     let coordinator = bench.coordinator().await;
     let mut puppet = Puppet::register(&bench, &coordinator.url()).await;
     let job = puppet.lease_one().await;
+    puppet.lease_one().await;
     let images = puppet.images(0);
 
     let answer = puppet.complete(&job.token, 0).await.unwrap();
     assert_eq!(answer.missing.len(), 3, "nothing was sent");
     puppet
-        .put(Digest::of(&images[1]), images[1].clone())
+        .put(0, Digest::of(&images[1]), images[1].clone())
         .await
         .unwrap();
     let answer = puppet.complete(&job.token, 0).await.unwrap();

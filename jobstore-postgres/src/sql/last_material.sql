@@ -1,0 +1,1 @@
+SELECT material FROM jobs ORDER BY material DESC LIMIT 1
