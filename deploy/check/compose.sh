@@ -12,7 +12,7 @@ yaml="$deploy/compose/compose.yaml"
 prepare_as() {
   local user="$1" folder="$scratch/as-$1"
   install -d -o "$user" -g "$user" "$folder"
-  install -o "$user" -g "$user" "$deploy"/compose/* "$folder/"
+  install -o "$user" -g "$user" "$deploy"/compose/{compose.yaml,prepare.sh} "$folder/"
   env -C "$folder" HOME="$folder" BRDFARM="$program" PATH="$PATH" \
     setpriv --reuid "$user" --regid "$user" --clear-groups ./prepare.sh
 }

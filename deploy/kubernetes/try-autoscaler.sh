@@ -20,7 +20,7 @@ tear_down() {
     kill "$process" 2> /dev/null || true
     wait "$process" 2> /dev/null || true
   done
-  as_server "$binaries/pg_ctl" stop --pgdata "$scratch/data" --mode immediate --silent || true
+  as_server "$binaries/pg_ctl" stop --pgdata "$scratch/data" --mode immediate --silent 2> /dev/null || true
   rm -rf "$scratch"
 }
 # PostgreSQL does not run as root.
@@ -43,13 +43,14 @@ within() {
 export PGHOST=127.0.0.1 PGPORT PGDATABASE=brdfarm PGSSLMODE=disable
 # A port that is free now.
 PGPORT="$(python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])')"
+trap tear_down EXIT
 install -d -m 700 "$scratch/data"
 [[ "$(id -u)" != 0 ]] || chown postgres: "$scratch/data"
+install -m 600 /dev/null "$scratch/admin-password"
 printf 'of-the-admin' > "$scratch/admin-password"
-chmod 644 "$scratch/admin-password"
+[[ "$(id -u)" != 0 ]] || chown postgres: "$scratch/admin-password"
 as_server "$binaries/initdb" --pgdata "$scratch/data" --username postgres --no-sync \
   --auth scram-sha-256 --pwfile "$scratch/admin-password" > /dev/null
-trap tear_down EXIT
 as_server "$binaries/pg_ctl" start --pgdata "$scratch/data" --silent --wait --log "$scratch/data/log" \
   --options "-c listen_addresses=127.0.0.1 -c port=$PGPORT -c unix_socket_directories='' -c fsync=off"
 
