@@ -6,9 +6,10 @@
 //! the seconds of each phase. A summary with the tail goes to standard error. `survey hard [check]` does
 //! the same with the hard cases ([`HARD_CASES`]), by their names.
 //!
-//! With `check` each view is rendered again, to a hundredth of the tolerance, and three columns tell of
+//! With `check` each view is rendered again, to a hundredth of the tolerance, and four columns tell of
 //! the image against that one: the share of pixels whose error is within what both state, the same
-//! within the tolerance and what the finer one states, and the largest error over the tolerance.
+//! within the tolerance and what the finer one states, the largest error over the tolerance, and by how
+//! many tolerances the worst pixel is off beyond what both state.
 
 use dataset::specification::Accuracy;
 use dataset::{HARD_CASES, Material, Specification};
@@ -61,8 +62,12 @@ fn main() -> Result<(), Box<dyn Error>> {
                     stated,
                     within,
                     worst,
+                    beyond,
                 } = image;
-                write!(out, ",stated={stated:.6},true={within:.6},worst={worst:.3}")?;
+                write!(
+                    out,
+                    ",stated={stated:.6},true={within:.6},worst={worst:.3},beyond={beyond:.3}"
+                )?;
                 survey.checked.push(image);
             }
             writeln!(out)?;
@@ -104,7 +109,9 @@ fn subjects(
         [first, count] => (first, count, 1),
         [first, count, stride] => (first, count, stride),
         _ => {
-            return Err("usage: survey FIRST COUNT [STRIDE] [check], or survey hard [check]".into());
+            return Err(
+                "usage: survey FIRST COUNT [STRIDE] [check], or survey hard [check]".into(),
+            );
         }
     };
     let indices = (0..count).map(|step| first + stride * step);
@@ -133,12 +140,14 @@ struct Checked {
     within: f64,
     /// The largest error, less what the finer rendering states, over the tolerance.
     worst: f64,
+    /// The largest error beyond what both renderings state, over the tolerance; 0 if there is none.
+    beyond: f64,
 }
 
 impl Checked {
     fn new(accuracy: &Accuracy, image: &Film, finer: &Film) -> Self {
         let count = image.pixels.len() as f64;
-        let (mut stated, mut within, mut worst) = (0.0, 0.0, 0.0f64);
+        let (mut stated, mut within, mut worst, mut beyond) = (0.0, 0.0, 0.0f64, 0.0f64);
         for (pixel, finer) in image.pixels.iter().zip(&finer.pixels) {
             let channels = pixel.value.iter().zip(finer.value);
             let error = channels.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
@@ -148,11 +157,13 @@ impl Checked {
             stated += f64::from(u8::from(missed <= pixel.error));
             within += f64::from(u8::from(missed <= tolerance));
             worst = worst.max(missed / tolerance);
+            beyond = beyond.max((missed - pixel.error) / tolerance);
         }
         Self {
             stated: stated / count,
             within: within / count,
             worst,
+            beyond,
         }
     }
 }
@@ -221,8 +232,12 @@ impl Survey {
         };
         tell("their stated error", |image| image.stated);
         tell("the tolerance", |image| image.within);
-        let worst = self.checked.iter().map(|image| image.worst);
-        eprintln!("largest error: {:.2} tolerances", worst.fold(0.0, f64::max));
+        let largest = |of: fn(&Checked) -> f64| self.checked.iter().map(of).fold(0.0, f64::max);
+        eprintln!(
+            "largest error: {:.2} tolerances, largest beyond what is stated: {:.2}",
+            largest(|image| image.worst),
+            largest(|image| image.beyond)
+        );
     }
 }
 
