@@ -1,16 +1,18 @@
 //! What materials of the preset cost, and how many of their pixels meet the tolerance.
 //!
-//! `survey FIRST COUNT [STRIDE [check]]` renders materials FIRST, FIRST + STRIDE, ... in every view on
-//! one thread, and prints a line of comma-separated values for each image: material, view, processor
-//! seconds, the share of pixels within the tolerance by their stated errors, evaluations, then the
-//! seconds of each phase. A summary with the tail goes to standard error.
+//! `survey FIRST COUNT [STRIDE] [check]` renders materials FIRST, FIRST + STRIDE, ... of the preset in
+//! every view on one thread, and prints a line of comma-separated values for each image: material, view,
+//! processor seconds, the share of pixels within the tolerance by their stated errors, evaluations, then
+//! the seconds of each phase. A summary with the tail goes to standard error. `survey hard [check]` does
+//! the same with the hard cases ([`HARD_CASES`]), by their names.
 //!
-//! With `check` each view is rendered again, to a hundredth of the tolerance, and three columns tell of
+//! With `check` each view is rendered again, to a hundredth of the tolerance, and four columns tell of
 //! the image against that one: the share of pixels whose error is within what both state, the same
-//! within the tolerance and what the finer one states, and the largest error over the tolerance.
+//! within the tolerance and what the finer one states, the largest error over the tolerance, and by how
+//! many tolerances the worst pixel is off beyond what both state.
 
-use dataset::Specification;
 use dataset::specification::Accuracy;
+use dataset::{HARD_CASES, Material, Specification};
 use renderer::film::Film;
 use renderer::{Renderer, geometry::BackendChoice};
 use std::{collections::BTreeMap, error::Error, io::Write};
@@ -18,19 +20,11 @@ use std::{collections::BTreeMap, error::Error, io::Write};
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
     let check = arguments.pop_if(|last| last == "check").is_some();
-    let numbers: Vec<u32> = arguments
-        .iter()
-        .map(|argument| argument.parse())
-        .collect::<Result<_, _>>()?;
-    let (first, count) = match numbers[..] {
-        [first, count, ..] => (first, count),
-        _ => return Err("usage: survey FIRST COUNT [STRIDE [check]]".into()),
-    };
-    let stride = numbers.get(2).copied().unwrap_or(1);
+    let specification = Specification::preset();
+    let subjects = subjects(&specification, &arguments)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build_global()?;
-    let specification = Specification::preset();
     let renderer = Renderer::new(&specification, BackendChoice::Native)?;
     let finer = match check {
         true => Some(Renderer::new(
@@ -41,16 +35,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let mut survey = Survey::default();
     let mut out = std::io::stdout().lock();
-    for material in (0..count).map(|step| first + stride * step) {
-        let drawn = specification.material(material).material;
+    for Subject {
+        name,
+        index,
+        material,
+    } in subjects
+    {
         for view in 0..specification.views.len() as u32 {
             let begin = cpu_seconds();
-            let rendering = renderer.render(&drawn, Some(material), view)?;
+            let rendering = renderer.render(&material, index, view)?;
             let seconds = cpu_seconds() - begin;
             let statistics = &rendering.statistics;
             write!(
                 out,
-                "{material},{view},{seconds:.6},{:.6},{}",
+                "{name},{view},{seconds:.6},{:.6},{}",
                 statistics.within_target, statistics.evaluations
             )?;
             for phase in &rendering.phases {
@@ -58,24 +56,71 @@ fn main() -> Result<(), Box<dyn Error>> {
                 *survey.phases.entry(phase.name).or_default() += phase.seconds;
             }
             if let Some(finer) = &finer {
-                let finer = finer.render(&drawn, Some(material), view)?.film;
+                let finer = finer.render(&material, index, view)?.film;
                 let image = Checked::new(&specification.accuracy, &rendering.film, &finer);
                 let Checked {
                     stated,
                     within,
                     worst,
+                    beyond,
                 } = image;
-                write!(out, ",stated={stated:.6},true={within:.6},worst={worst:.3}")?;
+                write!(
+                    out,
+                    ",stated={stated:.6},true={within:.6},worst={worst:.3},beyond={beyond:.3}"
+                )?;
                 survey.checked.push(image);
             }
             writeln!(out)?;
             survey.images.push(seconds);
             survey.within.push(statistics.within_target);
-            *survey.materials.entry(material).or_default() += seconds;
+            *survey.materials.entry(name.clone()).or_default() += seconds;
         }
     }
     survey.summarise();
     Ok(())
+}
+
+/// A material to render.
+struct Subject {
+    /// Its index in the preset, or its name among the hard cases.
+    name: String,
+    index: Option<u32>,
+    material: Material,
+}
+
+/// The materials that the arguments name.
+fn subjects(
+    specification: &Specification,
+    arguments: &[String],
+) -> Result<Vec<Subject>, Box<dyn Error>> {
+    if arguments == ["hard"] {
+        let cases = HARD_CASES.into_iter().map(|case| Subject {
+            name: case.name.to_owned(),
+            index: None,
+            material: case.material,
+        });
+        return Ok(cases.collect());
+    }
+    let numbers: Vec<u32> = arguments
+        .iter()
+        .map(|argument| argument.parse())
+        .collect::<Result<_, _>>()?;
+    let (first, count, stride) = match numbers[..] {
+        [first, count] => (first, count, 1),
+        [first, count, stride] => (first, count, stride),
+        _ => {
+            return Err(
+                "usage: survey FIRST COUNT [STRIDE] [check], or survey hard [check]".into(),
+            );
+        }
+    };
+    let indices = (0..count).map(|step| first + stride * step);
+    let drawn = indices.map(|index| Subject {
+        name: index.to_string(),
+        index: Some(index),
+        material: specification.material(index).material,
+    });
+    Ok(drawn.collect())
 }
 
 /// The same to a hundredth of the tolerance.
@@ -95,12 +140,14 @@ struct Checked {
     within: f64,
     /// The largest error, less what the finer rendering states, over the tolerance.
     worst: f64,
+    /// The largest error beyond what both renderings state, over the tolerance; 0 if there is none.
+    beyond: f64,
 }
 
 impl Checked {
     fn new(accuracy: &Accuracy, image: &Film, finer: &Film) -> Self {
         let count = image.pixels.len() as f64;
-        let (mut stated, mut within, mut worst) = (0.0, 0.0, 0.0f64);
+        let (mut stated, mut within, mut worst, mut beyond) = (0.0, 0.0, 0.0f64, 0.0f64);
         for (pixel, finer) in image.pixels.iter().zip(&finer.pixels) {
             let channels = pixel.value.iter().zip(finer.value);
             let error = channels.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
@@ -110,11 +157,13 @@ impl Checked {
             stated += f64::from(u8::from(missed <= pixel.error));
             within += f64::from(u8::from(missed <= tolerance));
             worst = worst.max(missed / tolerance);
+            beyond = beyond.max((missed - pixel.error) / tolerance);
         }
         Self {
             stated: stated / count,
             within: within / count,
             worst,
+            beyond,
         }
     }
 }
@@ -124,7 +173,7 @@ struct Survey {
     images: Vec<f64>,
     checked: Vec<Checked>,
     within: Vec<f64>,
-    materials: BTreeMap<u32, f64>,
+    materials: BTreeMap<String, f64>,
     phases: BTreeMap<&'static str, f64>,
 }
 
@@ -183,8 +232,12 @@ impl Survey {
         };
         tell("their stated error", |image| image.stated);
         tell("the tolerance", |image| image.within);
-        let worst = self.checked.iter().map(|image| image.worst);
-        eprintln!("largest error: {:.2} tolerances", worst.fold(0.0, f64::max));
+        let largest = |of: fn(&Checked) -> f64| self.checked.iter().map(of).fold(0.0, f64::max);
+        eprintln!(
+            "largest error: {:.2} tolerances, largest beyond what is stated: {:.2}",
+            largest(|image| image.worst),
+            largest(|image| image.beyond)
+        );
     }
 }
 
