@@ -8,7 +8,7 @@ use jobqueue::{
     token::{Token, WorkerId},
 };
 use limits::{protocol::CALL_DEADLINE, worker::LEASE_WAIT};
-use std::time::Duration;
+use std::{collections::VecDeque, time::Duration};
 
 /// What is called.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +124,14 @@ impl Calls {
     }
 }
 
+/// When the callers of one kind of calls wait no longer, the soonest first.
+#[derive(Default)]
+pub(super) struct Deadlines {
+    waiting: VecDeque<(Duration, CallId)>,
+    /// An event will look at the first.
+    planned: bool,
+}
+
 /// What a call goes through.
 #[derive(Clone, Copy, Debug)]
 enum Step {
@@ -183,7 +191,8 @@ impl World {
             Kind::Lease => CALL_DEADLINE + LEASE_WAIT,
             _ => CALL_DEADLINE,
         };
-        let images_left = match request.kind {
+        let kind = request.kind;
+        let images_left = match kind {
             Kind::Upload => 1,
             Kind::Complete if self.farm.brings_images => self.farm.views,
             _ => 0,
@@ -200,12 +209,44 @@ impl World {
             abandoned: false,
             session: self.workers[worker].session,
         });
-        self.events.after(deadline, Event::GivesUp(call));
+        self.plan_deadline(kind == Kind::Lease, deadline, call);
         self.take_step(call);
     }
 
+    /// Calls of one kind give up in the order in which they were made, so the next alone is planned.
+    fn plan_deadline(&mut self, leases: bool, after: Duration, id: CallId) {
+        let now = self.events.now();
+        let deadlines = &mut self.deadlines[usize::from(leases)];
+        while let Some((_, first)) = deadlines.waiting.front()
+            && self.calls.get(*first).is_none()
+        {
+            deadlines.waiting.pop_front();
+        }
+        deadlines.waiting.push_back((now + after, id));
+        if !std::mem::replace(&mut deadlines.planned, true) {
+            self.events.after(after, Event::GiveUp { leases });
+        }
+    }
+
+    /// Callers that have waited too long wait no longer.
+    pub(super) fn give_up_all(&mut self, leases: bool) {
+        let now = self.events.now();
+        let number = usize::from(leases);
+        self.deadlines[number].planned = false;
+        while let Some((at, id)) = self.deadlines[number].waiting.front().copied() {
+            if at > now && self.calls.get(id).is_some() {
+                if !std::mem::replace(&mut self.deadlines[number].planned, true) {
+                    self.events.after(at - now, Event::GiveUp { leases });
+                }
+                return;
+            }
+            self.deadlines[number].waiting.pop_front();
+            self.give_up(id);
+        }
+    }
+
     /// The caller of a call waits no longer, and asks again.
-    pub(super) fn give_up(&mut self, id: CallId) {
+    fn give_up(&mut self, id: CallId) {
         let Some(call) = self.calls.get(id) else {
             return;
         };

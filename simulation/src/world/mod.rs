@@ -18,7 +18,7 @@ use crate::{
     figures::Figures,
     machine::{Machine, Slice, Team},
 };
-use calls::{CallId, Calls};
+use calls::{CallId, Calls, Deadlines};
 use coordinator::Coordinator;
 use database::{Database, TransactionId};
 use jobqueue::{Queue, token::Token};
@@ -52,8 +52,8 @@ enum Event {
     },
     /// A worker renews its leases.
     Renews { worker: usize, life: u32 },
-    /// A caller waits no longer.
-    GivesUp(CallId),
+    /// Callers of leases, or of anything else, wait no longer.
+    GiveUp { leases: bool },
     /// A worker has sent its images to the bucket.
     Sent {
         worker: usize,
@@ -114,6 +114,8 @@ pub(crate) struct World {
     callers: Option<Team>,
     coordinators: Vec<Coordinator>,
     calls: Calls,
+    /// When the callers of leases, and of anything else, wait no longer.
+    deadlines: [Deadlines; 2],
     database: Database,
     measured: Measured,
     /// Slots of workers that have not left.
@@ -149,6 +151,7 @@ impl World {
             callers,
             coordinators,
             calls: Calls::default(),
+            deadlines: Default::default(),
             database,
             measured: Measured::default(),
             working: farm.workers.count * farm.workers.jobs_held,
@@ -219,7 +222,7 @@ impl World {
                 slot,
                 token,
             } => self.sent_to_bucket(worker, life, slot, token),
-            Event::GivesUp(call) => self.give_up(call),
+            Event::GiveUp { leases } => self.give_up_all(leases),
             Event::Dies { worker, life } => self.die(worker, life),
             Event::Sweeps => self.sweep(),
             Event::CoordinatorDies => self.coordinator_dies(),
