@@ -14,8 +14,8 @@
 //! | [`events`] | what happens when |
 //! | [`figures`] | what came of it |
 //!
-//! Not simulated: registrations, the end of a long poll that found no work, liars, vacuums and
-//! checkpoints, a disk or a bucket that slows down under load.
+//! Not simulated: registrations, the end of a long poll that found no work, liars, probation and
+//! audits, vacuums and checkpoints, a disk or a bucket that slows down under load.
 
 pub mod costs;
 mod draws;

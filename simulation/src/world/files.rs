@@ -248,6 +248,7 @@ impl World {
                     Verdict::Disputed
                     | Verdict::Upheld(_)
                     | Verdict::Overturned(_)
+                    | Verdict::Ruled(_)
                     | Verdict::Undecided => self.measured.contradicted += 1,
                 }
                 changes
