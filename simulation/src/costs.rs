@@ -130,8 +130,8 @@ const fn us(microseconds: u64) -> Duration {
 }
 
 impl Costs {
-    /// What was measured, on two cores of an AMD EPYC with a virtual disk on which a sync takes a
-    /// quarter of a millisecond.
+    /// What was measured, on two virtual cores of an Intel Xeon with a virtual disk, beside other
+    /// work.
     ///
     /// A cost "a call" and "a batch" are told apart by batches of different sizes: with 1, 8 and 64
     /// clients group commit takes 180, 240 and 520 us for 1, 8 and 63 leases.
@@ -195,7 +195,8 @@ impl Postgres {
     /// 64 clients, 472, 928, 2,196 and 3,110 jobs of 14 images a second (and some 4,000 of one). The
     /// model gives 472, 1,295, 2,344 and 3,443 (and 3,792).
     ///
-    /// A renewal and the question after images were not measured: they are taken as a question
+    /// The sync is what 1 client's time of a job leaves beside processor time. A renewal and the
+    /// question after images were not measured: they are taken as a question
     /// where a completion stands, and as three.
     fn measured() -> Self {
         Self {
