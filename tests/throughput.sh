@@ -5,6 +5,9 @@
 # (2,000 jobs a second, 99 of 100 leases within 100 ms); the same with a second for each job, as
 # workers at work have it; and jobs of the preset's 14 images. Every image is uploaded, checked and
 # durable before its job counts. Wants a machine that does nothing else.
+#
+#   tests/throughput.sh          the three measurements
+#   tests/throughput.sh costs    what calls cost with 1 to 64 clients: the service times of simulation/
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -13,5 +16,7 @@ TMPDIR="$(mktemp -d)"
 export TMPDIR
 trap 'rm -rf "$TMPDIR"' EXIT
 
-cargo test --release --test throughput a_thousand --no-fail-fast -- \
+measured=a_thousand
+[[ "${1:-}" == costs ]] && measured=what_calls_cost
+cargo test --release --test throughput "$measured" --no-fail-fast -- \
   --ignored --nocapture --test-threads 1

@@ -16,6 +16,7 @@
 #[path = "../../datastore/tests/store/cheap_image.rs"]
 #[allow(dead_code, reason = "others use the rest")]
 mod cheap_image;
+mod costs;
 mod floods;
 mod memory;
 #[allow(dead_code, reason = "other tests use the rest")]
