@@ -64,7 +64,7 @@ fn beside_a_flood<F>(
     let mut some = specification.clone();
     some.materials = specification.materials.min(jobs);
     let uploads = uploads(&some);
-    let quiet = measured(specification, &uploads, |_| Vec::new());
+    let quiet = measured(specification, &uploads, |_| Vec::<F>::new());
     let flooded = measured(specification, &uploads, |url| {
         let floods = (0..FLOODERS);
         let floods = floods.map(|number| flood(url.to_owned(), specification.clone(), number));

@@ -16,10 +16,7 @@ use crate::{
     rectify::{Rectifier, RectifyError},
     selection::ChosenImage,
 };
-use dataset::{
-    Specification,
-    specification::{Image, Pixel},
-};
+use dataset::{Specification, specification::Pixel};
 use datastore::{ImageFault, ReadOnlyStore};
 use imagestore::validation::decode;
 
