@@ -35,3 +35,4 @@ mod proxy;
 mod replicas;
 #[path = "../s3/mod.rs"]
 mod s3;
+mod signed_urls;

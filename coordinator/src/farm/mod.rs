@@ -55,6 +55,8 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     progress: watch::Sender<Progress>,
+    // Has a receiver for each completion whose uploads are not removed yet.
+    clearing: watch::Sender<()>,
     events: Events,
     views: u64,
     started: Instant,
@@ -120,6 +122,7 @@ impl Farm {
                 settling: HashSet::new(),
             }),
             progress: watch::channel(Progress::default()).0,
+            clearing: watch::channel(()).0,
             events: Events::new(),
             views: specification.views.len() as u64,
             started: Instant::now(),
