@@ -285,6 +285,10 @@ impl RunningCoordinator {
         if !supervisor.end(limits::STOP_GRACE).await {
             tracing::warn!("calls under way were cut off");
         }
+        let cleared = timeout(limits::STOP_GRACE, farm.uploads_cleared());
+        if cleared.await.is_err() {
+            tracing::warn!("uploads that are no longer needed stay");
+        }
         let closed = spawn_blocking(move || {
             farm.close();
             drop(farm);

@@ -212,7 +212,7 @@ pub const HEALTH_WAIT: Duration = Duration::from_secs(3);
 /// died never does.
 pub const LEAVE_GRACE: Duration = Duration::from_secs(5);
 
-/// How long a stopping coordinator waits for calls under way.
+/// How long a stopping coordinator waits for calls under way, and then for uploads to be removed.
 pub const STOP_GRACE: Duration = Duration::from_secs(5);
 
 /// Bytes that surround the pixels of an image: header, attributes, chunk table.

@@ -39,3 +39,4 @@ mod proxy;
 mod replicas;
 #[path = "../s3/mod.rs"]
 mod s3;
+mod signed_urls;

@@ -6,7 +6,7 @@ use crate::folder::files_below;
 use bytes::Bytes;
 use http_body_util::BodyExt;
 use hyper::body::Incoming;
-use hyper::header::CONTENT_LENGTH;
+use hyper::header::{CONTENT_LENGTH, ETAG, HeaderValue};
 use hyper::service::service_fn;
 use hyper::{Method, Request};
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -64,6 +64,9 @@ struct State {
     // Uploads of which a byte is flipped, or half is lost, before the server has them.
     flips: AtomicU32,
     cuts: AtomicU32,
+    // Entity tags say nothing of the content, as Azure's.
+    opaque_tags: AtomicBool,
+    removal_milliseconds: AtomicU32,
 }
 
 impl Server {
@@ -118,6 +121,19 @@ impl Server {
     /// Of the next uploads half is lost.
     pub fn cut_uploads(&self, count: u32) {
         self.state.cuts.store(count, Ordering::Relaxed);
+    }
+
+    /// From now on entity tags are no MD5s.
+    pub fn tell_no_md5(&self) {
+        self.state.opaque_tags.store(true, Ordering::Relaxed);
+    }
+
+    /// From now on a request to remove objects waits for so long first.
+    pub fn remove_after(&self, milliseconds: u32) {
+        let state = &self.state;
+        state
+            .removal_milliseconds
+            .store(milliseconds, Ordering::Relaxed);
     }
 
     /// What was asked so far, by kind.
@@ -199,8 +215,17 @@ async fn answer(
         count.under_way += 1;
         count.since.get_or_insert_with(Instant::now);
     }
+    if kind == "DELETE" {
+        let wait = state.removal_milliseconds.load(Ordering::Relaxed);
+        tokio::time::sleep(Duration::from_millis(wait.into())).await;
+    }
     let response = service.call(request).await;
-    let response = response.map_err(|error| io::Error::other(format!("{error:?}")))?;
+    let mut response = response.map_err(|error| io::Error::other(format!("{error:?}")))?;
+    if state.opaque_tags.load(Ordering::Relaxed)
+        && let Some(tag) = response.headers_mut().get_mut(ETAG)
+    {
+        *tag = HeaderValue::from_static("\"0x8DD0C5F5E0B1A2C\"");
+    }
     let mut counts = state.counts.lock().expect("counts");
     let count = counts.entry(kind).or_default();
     count.requests += 1;

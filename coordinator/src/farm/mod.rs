@@ -56,6 +56,8 @@ struct State {
 struct Shared {
     state: Mutex<State>,
     progress: watch::Sender<Progress>,
+    // Has a receiver for each completion whose uploads are not removed yet.
+    clearing: watch::Sender<()>,
     events: Events,
     views: u64,
     started: Instant,
@@ -123,6 +125,7 @@ impl Farm {
                 settling: HashSet::new(),
             }),
             progress: watch::channel(Progress::default()).0,
+            clearing: watch::channel(()).0,
             events: Events::new(),
             views: specification.views.len() as u64,
             started: Instant::now(),

@@ -9,7 +9,9 @@
 //! that were damaged or cut short on their way; where the server's entity tags are MD5s they are
 //! compared again. That the bytes have the BLAKE3 digest that they are called by is the worker's
 //! word, as it is its word that it rendered them rightly: every reader checks it, `verify` checks
-//! all, and where a second worker renders a material again its MD5s have to fit too.
+//! all. When a second worker renders a material again, its MD5s have to fit too. Azure signs no MD5
+//! and tells none, nor does S3 where it encrypts with keys of its own: there the coordinator reads
+//! the objects that a second worker vouches for and checks their digests.
 //!
 //! What a lying worker cannot do is to replace an image that somebody else vouches for. An upload
 //! lies below a lease's own name. A digest that the ledger knows of another image, or whose object
@@ -32,7 +34,7 @@ use imagestore::{
 use jobqueue::token::Token;
 use jobstore::ledger::BlobPlace;
 use std::sync::Arc;
-use tokio::task;
+use tokio::{sync::watch, task};
 
 /// The MD5 of an image.
 pub(crate) type Md5 = [u8; limits::protocol::MD5_BYTES];
@@ -44,6 +46,8 @@ pub(super) struct Settled {
     bucket: Bucket,
     // Uploads that were copied.
     keys: Vec<String>,
+    // Dropped when they are removed: `Farm::uploads_cleared` waits for that.
+    under_way: watch::Receiver<()>,
     // Held until the ledger says whose the names are.
     _settling: Exclusive,
 }
@@ -133,6 +137,7 @@ impl Farm {
             stored: Vec::with_capacity(settled.len()),
             bucket,
             keys: Vec::new(),
+            under_way: self.shared.clearing.subscribe(),
             _settling: settling,
         };
         for (digest, place, staged, what) in settled {
@@ -143,6 +148,11 @@ impl Farm {
             }
         }
         Ok(all)
+    }
+
+    /// Ends when the uploads of every completion so far are removed.
+    pub async fn uploads_cleared(&self) {
+        self.shared.clearing.closed().await;
     }
 
     fn claims(
@@ -193,8 +203,11 @@ impl Claim {
             && let Some(object) = bucket.head(&name).await.map_err(FarmError::Bucket)?
             && object.bytes == self.place.bytes
         {
-            let by_server = self.objects.md5_by_server(&object);
-            if by_server.is_none_or(|found| found == self.md5) {
+            let is_right = match self.objects.md5_by_server(&object) {
+                Some(found) => found == self.md5,
+                None => self.has_the_digest(&name).await?,
+            };
+            if is_right {
                 return Ok(Settling::There);
             }
             contested = true;
@@ -216,6 +229,17 @@ impl Claim {
         };
         named.map_err(FarmError::Bucket)?;
         Ok(Settling::Copied)
+    }
+
+    /// Whether an object of this claim's size is what the digest says. It is read: the server does
+    /// not tell.
+    async fn has_the_digest(&self, name: &str) -> Result<bool, FarmError> {
+        let read = self.objects.bucket().read(name, self.place.bytes);
+        let bytes = read.await.map_err(FarmError::Bucket)?;
+        let digest = self.digest;
+        let checked = task::spawn_blocking(move || validation::check_digest(&bytes, digest));
+        let checked = checked.await.map_err(|_| FarmError::Interrupted)?;
+        Ok(checked.is_ok())
     }
 
     /// The upload, if it is the image that it is called.
@@ -244,19 +268,27 @@ impl Settled {
         missing.map(|(digest, _)| *digest).collect()
     }
 
-    /// Removes uploads that are no longer needed, some time soon; what stays, `gc` finds.
+    /// Removes uploads that are no longer needed, some time soon; what stays, `gc` finds. A
+    /// coordinator that stops waits for it, for a while.
     pub fn clear(self) {
         if self.keys.is_empty() {
             return;
         }
+        // The names are free again at once.
+        let Self {
+            bucket,
+            keys,
+            under_way,
+            ..
+        } = self;
         task::spawn(async move {
-            let Self { bucket, keys, .. } = self;
             let cleared = bucket.clone();
             let removed = bucket.run(async move { cleared.remove(keys).await }).await;
             if let Ok(Err(error)) = removed {
                 let error: FileError = error;
                 tracing::warn!(%error, "uploads that are no longer needed stay");
             }
+            drop(under_way);
         });
     }
 }
