@@ -69,7 +69,7 @@ impl ErrorStatistics {
         } = *self;
         for (what, value) in [("mean", mean), ("95th percentile", p95), ("largest", max)] {
             // A mean of equal numbers may be rounded above them.
-            if !(value >= 0.0 && value <= max * (1.0 + 1e-9)) || !value.is_finite() {
+            if !value.is_finite() || !(0.0..=max * (1.0 + 1e-9)).contains(&value) {
                 return Err(format!(
                     "an error whose {what} is {value} and whose largest is {max} cannot be"
                 ));

@@ -21,16 +21,16 @@ mod generated {
 
 pub use generated::{
     BarWorkerRequest, BarWorkerResponse, CancelJobsRequest, Check, CompleteRequest,
-    CompleteResponse, Counts, DeregisterRequest, DeregisterResponse, DrainRequest, ErrorStatistics,
-    Event, FailRequest, FailResponse, FindMissingBlobsRequest, FindMissingBlobsResponse,
-    GetBlobRequest, GetBlobResponse, GetDatasetRequest, GetDatasetResponse, GetUploadUrlsRequest,
-    GetUploadUrlsResponse, Header, Job, JobDetail, JobFailure, JobSelection, JobState, JobsChanged,
-    LeaseRequest, LeaseResponse, ListJobsRequest, ListJobsResponse, ListWorkersRequest,
-    ListWorkersResponse, MaterialRange, Mode, ModeChanged, PauseRequest, PrioritizeJobsRequest,
-    PutBlobRequest, PutBlobResponse, RegisterRequest, RegisterResponse, RenewRequest,
-    RenewResponse, Renewal, ResumeRequest, RetryJobsRequest, Disputed, SetAside, StatusRequest,
-    StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, Upload, UploadUrl, View,
-    WatchEventsRequest, WorkerDetail, WorkerFailure,
+    CompleteResponse, Counts, DeregisterRequest, DeregisterResponse, Disputed, DrainRequest,
+    ErrorStatistics, Event, FailRequest, FailResponse, FindMissingBlobsRequest,
+    FindMissingBlobsResponse, GetBlobRequest, GetBlobResponse, GetDatasetRequest,
+    GetDatasetResponse, GetUploadUrlsRequest, GetUploadUrlsResponse, Header, Job, JobDetail,
+    JobFailure, JobSelection, JobState, JobsChanged, LeaseRequest, LeaseResponse, ListJobsRequest,
+    ListJobsResponse, ListWorkersRequest, ListWorkersResponse, MaterialRange, Mode, ModeChanged,
+    PauseRequest, PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse, RegisterRequest,
+    RegisterResponse, RenewRequest, RenewResponse, Renewal, ResumeRequest, RetryJobsRequest,
+    SetAside, StatusRequest, StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, Upload,
+    UploadUrl, View, WatchEventsRequest, WorkerDetail, WorkerFailure,
 };
 
 /// What a coordinator implements for people, one method a call.
