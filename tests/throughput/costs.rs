@@ -5,7 +5,6 @@
 use super::{
     Coordinator, DRIVERS, TICKS_PER_SECOND, Uploads, raise_open_files, register, uploads, usage,
 };
-use bytes::Bytes;
 use dataset::Specification;
 use limits::protocol::IMAGES_BROUGHT_BYTES_MAX;
 use proto::{
@@ -32,17 +31,10 @@ enum Phase {
     Lease,
     Renew,
     Find,
-    Upload,
     Complete,
 }
 
-const PHASES: [Phase; 5] = [
-    Phase::Lease,
-    Phase::Renew,
-    Phase::Find,
-    Phase::Upload,
-    Phase::Complete,
-];
+const PHASES: [Phase; 4] = [Phase::Lease, Phase::Renew, Phase::Find, Phase::Complete];
 
 struct Measured {
     clients: usize,
@@ -109,8 +101,7 @@ fn measure(measured: &Measured) {
     coordinator.stop();
 }
 
-/// A thread's share of the clients. Its images go one by one where they are many, as real workers
-/// send them.
+/// A thread's share of the clients.
 fn drive(
     driver: usize,
     measured: &Measured,
@@ -158,7 +149,6 @@ impl Client {
             Phase::Lease => self.lease(jobs).await,
             Phase::Renew => self.renew().await,
             Phase::Find => self.find().await,
-            Phase::Upload => self.upload().await,
             Phase::Complete => self.complete().await,
         }
         self
@@ -198,39 +188,27 @@ impl Client {
             let digests = uploads.iter().map(|upload| upload.digest.clone());
             let message = proto::FindMissingBlobsRequest {
                 digests: digests.collect(),
+                ..Default::default()
             };
             let found = self.farm.find_missing_blobs(with_deadline(message)).await;
             assert_eq!(found.unwrap().into_inner().missing.len(), uploads.len());
         }
     }
 
-    async fn upload(&mut self) {
-        for job in &self.jobs {
-            let uploads = &self.uploads[job.material as usize];
-            if brings(uploads) {
-                continue;
-            }
-            for upload in uploads {
-                let put = self.farm.put_blob(with_deadline(upload.clone())).await;
-                put.unwrap();
-            }
-        }
-    }
-
     async fn complete(&mut self) {
         for job in self.jobs.drain(..) {
             let uploads = &self.uploads[job.material as usize];
-            let brought = brings(uploads);
+            let bytes: u64 = uploads.iter().map(|upload| upload.size).sum();
+            assert!(
+                bytes <= IMAGES_BROUGHT_BYTES_MAX,
+                "they come with the completion"
+            );
             let views = uploads.iter().map(|upload| proto::View {
                 md5: Vec::new(),
                 digest: upload.digest.clone(),
                 size: upload.size,
                 statistics: Some(proto::ErrorStatistics::default()),
-                image: if brought {
-                    upload.data.clone()
-                } else {
-                    Bytes::new()
-                },
+                image: upload.data.clone(),
             });
             let message = proto::CompleteRequest {
                 token: job.token,
@@ -242,10 +220,6 @@ impl Client {
             assert!(done.into_inner().missing.is_empty());
         }
     }
-}
-
-fn brings(uploads: &[proto::PutBlobRequest]) -> bool {
-    uploads.iter().map(|upload| upload.size).sum::<u64>() <= IMAGES_BROUGHT_BYTES_MAX
 }
 
 /// What was used so far, seconds and counts.
@@ -289,7 +263,6 @@ impl Totals {
         let calls = match phase {
             Phase::Lease | Phase::Find | Phase::Complete => measured.clients * measured.jobs_each,
             Phase::Renew => measured.clients * RENEWALS,
-            Phase::Upload => measured.clients * measured.jobs_each * measured.views,
         };
         let elapsed = (self.at - before.at).as_secs_f64();
         if elapsed < 0.005 {

@@ -198,7 +198,6 @@ impl World {
         };
         let (coordinator, calls) = (transaction.coordinator, transaction.calls.clone());
         let mut writes = false;
-        let mut offered = Vec::new();
         for call in calls {
             if self
                 .calls
@@ -210,10 +209,9 @@ impl World {
             let renews = self.calls.get(call).map(|call| call.request.kind) == Some(Kind::Renew);
             let changes = self.apply(call);
             writes |= renews || !changes.is_empty();
-            offered.push(changes);
         }
-        for changes in offered {
-            self.after_changes(coordinator, &changes);
+        if writes {
+            self.after_changes(coordinator);
         }
         if writes {
             self.database.unflushed.push(id);

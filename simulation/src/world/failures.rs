@@ -1,7 +1,6 @@
 //! What fails: workers, coordinators, leases.
 
 use super::{Event, SWEEP, World};
-use crate::farm::Store;
 use std::time::Duration;
 
 /// How long a worker that died is away.
@@ -59,15 +58,9 @@ impl World {
 
     /// Takes back leases that ran out, and has those who wait for work look again.
     pub(super) fn sweep(&mut self) {
-        let (changes, lost) = self.queue.expire(self.events.now());
+        let (_, lost) = self.queue.expire(self.events.now());
         self.measured.leases_lost += lost.len() as u64;
-        let counts = self.queue.counts();
-        let may_be = match self.farm.store {
-            Store::Files => changes.offer_work(),
-            // Other coordinators give work back as well, and nobody tells.
-            Store::Postgres { .. } => counts.pending + counts.redundant + counts.disputed > 0,
-        };
-        if may_be || self.queue.is_finished() {
+        if self.may_have_work() || self.queue.is_finished() {
             for coordinator in 0..self.coordinators.len() {
                 self.wake(coordinator);
             }

@@ -170,7 +170,9 @@ impl World {
             return;
         };
         let changes = self.apply(id);
-        self.after_changes(coordinator, &changes);
+        if !changes.is_empty() {
+            self.after_changes(coordinator);
+        }
         let Some(call) = self.calls.get(id) else {
             return;
         };
@@ -262,12 +264,16 @@ impl World {
     }
 
     /// Wakes those who wait for work when there may be some, or never will be again.
-    pub(super) fn after_changes(&mut self, coordinator: usize, changes: &Changes) {
-        if self.coordinators[coordinator].parked.is_empty() {
-            return;
-        }
-        if changes.offer_work() || self.queue.is_finished() {
+    pub(super) fn after_changes(&mut self, coordinator: usize) {
+        let nobody_waits = self.coordinators[coordinator].parked.is_empty();
+        if !nobody_waits && (self.may_have_work() || self.queue.is_finished()) {
             self.wake(coordinator);
         }
+    }
+
+    /// Whether somebody who waits for work may find some.
+    pub(super) fn may_have_work(&self) -> bool {
+        let counts = self.queue.counts();
+        counts.pending + counts.redundant + counts.disputed > 0
     }
 }
