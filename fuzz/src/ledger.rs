@@ -2,8 +2,8 @@
 
 use dataset::Digest;
 use jobqueue::{
-    Changes, Completion, JobChange, JobRecord, JobState, Mode, Policy, Queue, WorkerChange,
-    WorkerRecord,
+    Changes, Completion, Fingerprint, JobChange, JobRecord, JobState, Mode, Policy, Queue,
+    WorkerChange, WorkerRecord,
     token::{Token, WorkerId},
 };
 use serde::{Serialize, de::DeserializeOwned};
@@ -70,14 +70,19 @@ fn record<R: DeserializeOwned + Serialize + PartialEq + Debug>(json: &[u8]) -> O
 fn work(kept: Changes) {
     let holders = kept.jobs.iter().filter_map(|job| job.record.state.holder());
     let held: Vec<(Token, WorkerId)> = holders.map(|held| (held.token, held.worker)).collect();
-    let mut queue = Queue::new(MATERIALS, Policy::default());
+    let policy = Policy {
+        probation: 1,
+        audits: 1,
+        ..Policy::default()
+    };
+    let mut queue = Queue::new(MATERIALS, policy);
     queue.restore(kept, Duration::ZERO);
     check(&queue);
     for (material, (token, _)) in (0..).zip(&held) {
         queue.renew(material, *token, 1, Duration::from_secs(1));
     }
     let mut now = Duration::from_secs(2);
-    let workers = [("w", 1), ("v", 2), ("u", 3)].map(|(name, id)| {
+    let workers = [("w", 1), ("a/v", 2), ("operator/u", 3)].map(|(name, id)| {
         let worker = WorkerId::from_bytes([id; 16]);
         queue.admit(worker, name);
         worker
@@ -90,6 +95,7 @@ fn work(kept: Changes) {
         for (job, token) in claimed.jobs.iter().zip(tokens) {
             // Some are done, some done otherwise, some fail, some are kept.
             let images = Digest::of(&[(job.material as u8 + round) % 2]);
+            let images = Fingerprint::of_images(images);
             match (job.material + u32::from(round)) % 4 {
                 0 | 1 => drop(queue.complete(job.material, token, images, round % 3 == 0, now)),
                 2 => drop(queue.fail(job.material, token, "no light", now)),
@@ -99,6 +105,7 @@ fn work(kept: Changes) {
         }
         now += Duration::from_secs(30);
         queue.expire(now);
+        queue.draw_audits(u64::from(round), now);
         check(&queue);
     }
     for (_, worker) in held {

@@ -17,8 +17,8 @@ use export::{
     selection::Selection,
 };
 use jobqueue::{
-    Block, BlockCause, Dispute, Failure, Holder, JobRecord, JobState, Mode, RedundantRender,
-    WorkerRecord,
+    Block, BlockCause, Dispute, Failure, Fingerprint, Holder, JobRecord, JobState, Mode,
+    RedundantRender, WorkerRecord,
     token::{Token, WorkerId},
 };
 use prost::Message;
@@ -106,12 +106,12 @@ fn ledger() -> Vec<u8> {
         error: "no light".to_owned(),
     };
     let completed = |redundant| JobState::Completed {
-        fingerprint: Digest::of(&[1]),
+        fingerprint: Fingerprint::of_images(Digest::of(&[1])),
         worker: "w".to_owned(),
         redundant,
     };
     let dispute = Dispute {
-        fingerprint: Digest::of(&[0]),
+        fingerprint: Fingerprint::of_images(Digest::of(&[0])),
         worker: "v".to_owned(),
         holder: Some(holder("u")),
     };

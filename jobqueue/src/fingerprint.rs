@@ -30,6 +30,15 @@ impl Fingerprint {
         }
     }
 
+    /// That of images whose statistics are not known, as earlier versions recorded it. `images` is the
+    /// digest of all their digests.
+    pub fn of_images(images: Digest) -> Self {
+        Self {
+            images,
+            statistics: None,
+        }
+    }
+
     /// Whether both can be of the same rendering: images are equal, and statistics where both are
     /// known.
     pub fn agrees_with(self, other: Self) -> bool {
@@ -58,10 +67,7 @@ impl<'de> Deserialize<'de> for Fingerprint {
         let text = String::deserialize(deserializer)?;
         let digest = |text: &str| text.parse().map_err(D::Error::custom);
         Ok(match text.split_once(':') {
-            None => Self {
-                images: digest(&text)?,
-                statistics: None,
-            },
+            None => Self::of_images(digest(&text)?),
             Some((images, statistics)) => Self {
                 images: digest(images)?,
                 statistics: Some(digest(statistics)?),

@@ -1,6 +1,8 @@
 //! Who is believed: votes and blocks by identity, newcomers on probation, audits at the end, and the
 //! operator's last word.
 
+#![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+
 use dataset::{CompletedView, Digest, ErrorStatistics};
 use jobqueue::{
     BlockCause, Changes, Fingerprint, JobState, Policy, Queue, RedundantRender, Refusal, Verdict,
@@ -161,10 +163,9 @@ fn what_is_wrong_is_found_before_a_set_is_finished_however_late_a_liar_begins() 
     loop {
         let rounds = [(bob, TRUTH), (carol, TRUTH), (eve, TRUTH)];
         let done = rounds.map(|(worker, what)| farm.render(worker, what));
-        if done.iter().all(Option::is_none) {
-            if farm.queue.draw_audits(9, NOW).is_empty() {
-                break;
-            }
+        let idle = done.iter().all(Option::is_none);
+        if idle && farm.queue.draw_audits(9, NOW).is_empty() {
+            break;
         }
     }
     assert!(farm.queue.is_finished());

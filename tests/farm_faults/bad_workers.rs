@@ -50,8 +50,9 @@ fn brightened(bytes: &[u8], specification: &Specification) -> Vec<u8> {
     let mut image = decode(bytes, specification).expect("an image");
     let width = film.width as usize;
     image.pixels[width + 1][0] += 1.0 / 16.0;
-    let channels = SpecificChannels::rgb(|place: Vec2<usize>| {
-        let [red, green, blue] = image.pixels[place.y() * width + place.x()];
+    let pixels = image.pixels;
+    let channels = SpecificChannels::rgb(move |place: Vec2<usize>| {
+        let [red, green, blue] = pixels[place.y() * width + place.x()];
         (
             f16::from_f32(red),
             f16::from_f32(green),

@@ -92,6 +92,7 @@ impl Guest {
             renderer_version: RENDERER_VERSION.to_owned(),
             specification_hash: specification.hash().as_bytes().to_vec(),
             worker_id: Vec::new(),
+            resolves_disputes: false,
         };
         let registered = farm.register(with_deadline(register)).await;
         let worker_id = registered.expect("a name").into_inner().worker_id;

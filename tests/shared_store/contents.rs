@@ -8,8 +8,8 @@ use datastore::{ReadOnlyStore, Store};
 use jobqueue::Completion;
 use jobqueue::token::{Token, WorkerId};
 use jobqueue::{
-    Block, BlockCause, Changes, Dispute, Failure, Holder, JobChange, JobRecord, JobState, Mode,
-    RedundantRender, WorkerChange, WorkerFailure, WorkerRecord,
+    Block, BlockCause, Changes, Dispute, Failure, Fingerprint, Holder, JobChange, JobRecord,
+    JobState, Mode, RedundantRender, WorkerChange, WorkerFailure, WorkerRecord,
 };
 use jobstore::completion_log::Completions;
 use jobstore::ledger::{Ledger, SledLedger};
@@ -54,7 +54,7 @@ fn record(specification: &Specification, material: u32, leased: bool) -> JobReco
         redundant,
     };
     let dispute = Dispute {
-        fingerprint: Digest::of(b"other"),
+        fingerprint: Fingerprint::of_images(Digest::of(b"other")),
         worker: "liar".to_owned(),
         holder: leased.then(holder),
     };
@@ -106,6 +106,8 @@ fn workers() -> Vec<WorkerChange> {
             failures: 9,
             leases_lost: 3,
             block: None,
+            probation: 2,
+            audit_due: true,
         },
     };
     vec![

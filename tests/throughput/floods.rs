@@ -66,8 +66,8 @@ fn beside_a_flood<F>(
     let uploads = uploads(&some);
     let quiet = measured(specification, &uploads, |_| Vec::<F>::new());
     let flooded = measured(specification, &uploads, |url| {
-        let floods = (0..FLOODERS);
-        let floods = floods.map(|number| flood(url.to_owned(), specification.clone(), number));
+        let floods =
+            (0..FLOODERS).map(|number| flood(url.to_owned(), specification.clone(), number));
         floods.collect()
     });
     let loss = 1.0 - flooded.jobs_per_second / quiet.jobs_per_second;
@@ -128,7 +128,7 @@ fn measured<F: Future<Output = ()> + Send + 'static>(
 /// Lists jobs with as many overlapping ranges as a call may have, without end.
 async fn list_jobs(url: String, _: Specification, _: usize) {
     let mut control = client::control(&url, &Credentials::default()).unwrap();
-    let ranges = (0..limits::protocol::RANGES_PER_CALL_MAX as u32);
+    let ranges = 0..limits::protocol::RANGES_PER_CALL_MAX as u32;
     let ranges = ranges.map(|number| proto::MaterialRange {
         first: number * 7,
         last: u32::MAX - number,
@@ -223,7 +223,7 @@ fn a_reader_with_4096_ranges_over_a_million_materials() {
 #[test]
 #[ignore = "a measurement: tests/floods.sh runs it"]
 fn somebody_stages_and_never_completes() {
-    let specification = specification(20_000, 256, 2);
+    let specification = specification(20_000, 128, 2);
     beside_a_flood("staging flood", &specification, stage);
 }
 

@@ -101,6 +101,8 @@ impl Puppet {
         };
         let asked = FindMissingBlobsRequest {
             digests: truth.iter().map(|view| view.digest.clone()).collect(),
+            token: Vec::new(),
+            material: 0,
         };
         let missing = client.find_missing_blobs(with_deadline(asked)).await;
         let known = missing.unwrap().into_inner().missing.is_empty();

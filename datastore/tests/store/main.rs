@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
+#[allow(dead_code, reason = "other crates' tests use the rest")]
 mod cheap_image;
 mod cheap_renderer;
 mod complete_store;

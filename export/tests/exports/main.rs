@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
+#[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 #[path = "../../../datastore/tests/store/complete_store.rs"]

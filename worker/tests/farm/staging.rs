@@ -8,7 +8,7 @@ use proto::client::with_deadline;
 use std::{fs, time::Duration};
 use tokio::{
     task::JoinSet,
-    time::{Instant, sleep, timeout},
+    time::{sleep, timeout},
 };
 use tonic::Code;
 use worker::{Render, RenderFailure, RenderedView};
@@ -187,7 +187,6 @@ async fn who_stages_and_never_completes_keeps_nobody_from_completing() {
         });
     }
     sleep(Duration::from_millis(500)).await;
-    let began = Instant::now();
     let render = |specification: &Specification| Noisy(specification.clone());
     let workers = [1, 2].map(|number| bench.worker_called(&format!("w{number}"), &url, render));
     let mut progress = coordinator.progress();
@@ -196,7 +195,6 @@ async fn who_stages_and_never_completes_keeps_nobody_from_completing() {
         .await
         .unwrap()
         .unwrap();
-    println!("30 jobs in {:?}", began.elapsed());
     flood.shutdown().await;
     for worker in workers {
         worker.stop.send_replace(true);
