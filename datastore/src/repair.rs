@@ -3,13 +3,16 @@
 //! An image that is missing or damaged must come out with the digest that is recorded. Where the
 //! record itself is at fault it is corrected: when the file that it names is intact and no image of
 //! the dataset, or, of a store in a folder, when log and ledger disagree and the renderer settles
-//! it. Nothing else is changed; what cannot be mended is reported.
+//! it, or when an intact image of the dataset renders again to another: what this machine renders is
+//! the truth of its renderer version, and whoever delivered something else is named. Nothing else is
+//! changed; what cannot be mended is reported.
 
 use crate::{
     StoreError, WritableStore,
     verify::{Checks, Fault, FaultKind, Rerender, Rerendered, verify},
 };
-use dataset::{CompletedView, Digest};
+use dataset::{CompletedView, Digest, Specification};
+use imagestore::validation;
 use jobqueue::Completion;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -34,6 +37,10 @@ pub struct Repair {
     /// What became of it.
     #[serde(flatten)]
     pub outcome: Outcome,
+    /// The full name of the worker that delivered what renders to something else, images or
+    /// statistics. All that it delivered is in doubt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub delivered_by: Option<String>,
 }
 
 /// Checks a store and mends what can be mended; `checks` has to have a renderer. `progress` is told
@@ -59,13 +66,19 @@ pub fn repair(
     for (material, faults_there) in by_material {
         match reader.completion(material)? {
             Some(completion) => {
-                mend_material(store, renderer, completion, faults_there, &mut repairs)?;
+                let material = Material {
+                    renderer,
+                    specification: reader.specification(),
+                    before: completion,
+                };
+                mend_material(store, material, faults_there, &mut repairs)?;
             }
             None => repairs.extend(faults_there.into_iter().map(|fault| Repair {
                 fault,
                 outcome: Outcome::Failed(
                     "nothing is recorded of it: `brdfarm run` renders it".to_owned(),
                 ),
+                delivered_by: None,
             })),
         }
         mending(repairs.len(), faults);
@@ -73,13 +86,24 @@ pub fn repair(
     Ok(repairs)
 }
 
+/// A material with faults, and what it is mended with.
+struct Material<'a> {
+    renderer: &'a dyn Rerender,
+    specification: &'a Specification,
+    before: Completion,
+}
+
 fn mend_material(
     store: &mut WritableStore,
-    renderer: &dyn Rerender,
-    before: Completion,
+    material: Material<'_>,
     faults: Vec<Fault>,
     repairs: &mut Vec<Repair>,
 ) -> Result<(), StoreError> {
+    let Material {
+        renderer,
+        specification,
+        before,
+    } = material;
     // A second record, which a store in a database does not have.
     let in_ledger = match store {
         WritableStore::Folder(store) => store.completion_in_ledger(before.material)?,
@@ -94,13 +118,22 @@ fn mend_material(
                 let other = in_ledger.as_ref().and_then(|c| c.views.get(view as usize));
                 let recorded = &mut completion.views[view as usize];
                 match renderer.render(completion.material, view) {
-                    Ok(again) => settle(fault.kind, recorded, other, again, &mut images),
+                    Ok(again) => match is_image(&again.bytes, fault.kind, specification) {
+                        Ok(()) => settle(fault.kind, recorded, other, again, &mut images),
+                        Err(why) => Outcome::Failed(why),
+                    },
                     Err(error) => Outcome::Failed(format!("it cannot be rendered: {error}")),
                 }
             }
             None => Outcome::Failed("its record fits another specification".to_owned()),
         };
-        mended.push(Repair { fault, outcome });
+        let lied = matches!(fault.kind, FaultKind::Rerender | FaultKind::Statistics)
+            && outcome == Outcome::Corrected;
+        mended.push(Repair {
+            delivered_by: lied.then(|| before.worker.clone()),
+            fault,
+            outcome,
+        });
     }
     if !store.mend(&before, &completion, &images)? {
         for repair in &mut mended {
@@ -112,6 +145,17 @@ fn mend_material(
     }
     repairs.extend(mended);
     Ok(())
+}
+
+/// That what was rendered again can take the place of an intact image.
+fn is_image(bytes: &[u8], kind: FaultKind, specification: &Specification) -> Result<(), String> {
+    if kind != FaultKind::Rerender {
+        return Ok(());
+    }
+    let decoded = validation::decode(bytes, specification);
+    let why =
+        |rejection| format!("what it renders again to is no image of this dataset: {rejection}");
+    decoded.map(|_| ()).map_err(why)
 }
 
 /// Compares an image that was rendered again with its record, and decides.

@@ -105,11 +105,17 @@ pub enum FaultKind {
 }
 
 impl FaultKind {
-    /// Whether the recorded file itself is no image of the dataset, so that the record is wrong.
+    /// Whether the recorded file itself is not the image that it should be, so that the record is
+    /// wrong.
     pub fn condemns_the_record(self) -> bool {
         matches!(
             self,
-            Self::Format | Self::Pixel | Self::Identity | Self::Black | Self::Statistics
+            Self::Format
+                | Self::Pixel
+                | Self::Identity
+                | Self::Black
+                | Self::Rerender
+                | Self::Statistics
         )
     }
 }

@@ -7,14 +7,17 @@ use clap::Args;
 use datastore::WritableStore;
 use datastore::repair::{Outcome, repair};
 use export::file::write_bytes;
+use jobqueue::identity::identity;
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 use std::path::PathBuf;
 
 /// Render again what verify finds
 ///
 /// A missing or damaged image must come out with the digest that is recorded. A record is corrected
-/// where the file that it names is intact and no image of the dataset, or where log and ledger
-/// disagree. What cannot be mended is listed, and is an error. A store in a folder must have no
+/// where the file that it names is intact and no image of the dataset, where log and ledger disagree,
+/// and with --rerender where an image renders to another: what this machine renders is taken for the
+/// truth, and the workers that delivered something else are named. What cannot be mended is listed, and is an error. A store in a folder must have no
 /// coordinator meanwhile; beside those of a database it can be done.
 #[derive(Debug, Args)]
 pub struct Options {
@@ -65,6 +68,26 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
                 writeln!(out, "{}: NOT MENDED: {why}", repair.fault)?;
             }
         }
+    }
+    let mut doubted: BTreeMap<&str, u64> = BTreeMap::new();
+    for worker in repairs
+        .iter()
+        .filter_map(|repair| repair.delivered_by.as_deref())
+    {
+        *doubted.entry(identity(worker)).or_default() += 1;
+    }
+    for (by, wrong) in doubted {
+        let mut materials = 0_u64;
+        for material in 0..checks.materials {
+            let completion = reader.completion(material)?;
+            materials += u64::from(completion.is_some_and(|done| identity(&done.worker) == by));
+        }
+        writeln!(
+            out,
+            "{by} delivered {} wrong, and {} of this store: look at all with --rerender 100%",
+            count(wrong, "image"),
+            count(materials, "material")
+        )?;
     }
     let faults = count(repairs.len() as u64, "fault");
     anyhow::ensure!(failed == 0, "{failed} of {faults} could not be mended");

@@ -76,9 +76,19 @@ async fn only_those_who_may_come_in_come_in() {
         .await
         .unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
-    let mut client = client::farm(&url, &operator).expect("a client");
+    let mut client = client::farm(&url, &reader).expect("a client");
     let message = with_deadline(proto::GetDatasetRequest {});
     let refused = client.get_dataset(message).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied);
+    // An operator decides disputes, and renders nothing else.
+    let mut client = client::farm(&url, &operator).expect("a client");
+    let register = proto::RegisterRequest {
+        name: "me".to_owned(),
+        renderer_version: dataset::RENDERER_VERSION.to_owned(),
+        specification_hash: vec![0; 32],
+        ..proto::RegisterRequest::default()
+    };
+    let refused = client.register(with_deadline(register)).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
 
     // Certificates.

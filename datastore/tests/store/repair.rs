@@ -187,7 +187,7 @@ fn every_fault_is_named_and_mended() {
     assert_eq!(report.unnamed, strays);
 
     let repairs = mend(path, &renderer, &all);
-    for Repair { fault, outcome } in &repairs {
+    for Repair { fault, outcome, .. } in &repairs {
         let restored = matches!(fault.material, 0..=4);
         let expected = if restored {
             Outcome::Restored
@@ -225,7 +225,7 @@ fn what_cannot_be_mended_is_reported_and_left() {
     let repairs = mend(path, &renderer, &checks(MATERIALS + 1, Some(&renderer)));
     let why: Vec<_> = repairs
         .iter()
-        .map(|Repair { fault, outcome }| match outcome {
+        .map(|Repair { fault, outcome, .. }| match outcome {
             Outcome::Failed(why) => (fault.material, why.as_str()),
             other => panic!("{fault}: {other:?}"),
         })
@@ -236,7 +236,33 @@ fn what_cannot_be_mended_is_reported_and_left() {
     assert_eq!(look(path, &checks(MATERIALS + 1, None)).faults.len(), 2);
 }
 
-/// An image that renders to other bytes is a fault, and which of both is right is for a person.
+/// A lie in a finished set, under the right header: what is rendered here is the truth, and who lied
+/// is named.
+#[test]
+fn an_image_that_renders_to_another_is_replaced_and_its_worker_named() {
+    let (folder, renderer) = whole_store();
+    let path = folder.path();
+    let mut lie = completion(&renderer.0, 1).0;
+    let image = image_of(&renderer.0, 1, 2, 7.0);
+    lie.views[2].digest = Digest::of(&image);
+    lie.views[2].bytes = image.len() as u64;
+    lie.worker = "eve/node".to_owned();
+    record(path, &lie, vec![image], true);
+    assert_eq!(look(path, &checks(MATERIALS, None)).faults, []);
+
+    let all = checks(MATERIALS, Some(&renderer));
+    let repairs = mend(path, &renderer, &all);
+    assert_eq!(repairs.len(), 1);
+    assert_eq!(repairs[0].fault.kind, FaultKind::Rerender);
+    assert_eq!(repairs[0].outcome, Outcome::Corrected);
+    assert_eq!(repairs[0].delivered_by.as_deref(), Some("eve/node"));
+    assert_eq!(look(path, &all).faults, []);
+    let reader = ReadOnlyStore::open(path).unwrap();
+    let mended = reader.completion(1).unwrap().unwrap();
+    assert_eq!(mended.views, completion(&renderer.0, 1).0.views);
+}
+
+/// A renderer whose images are none of this dataset replaces nothing.
 #[test]
 fn another_rendering_is_a_fault_and_replaces_nothing() {
     let (folder, mut renderer) = whole_store();
@@ -252,11 +278,12 @@ fn another_rendering_is_a_fault_and_replaces_nothing() {
     );
     let before = blobs(folder.path());
     let repairs = mend(folder.path(), &renderer, &all);
-    assert!(
-        repairs
-            .iter()
-            .all(|repair| matches!(repair.outcome, Outcome::Failed(_)))
-    );
+    for repair in repairs {
+        let Outcome::Failed(why) = &repair.outcome else {
+            panic!("{}: {:?}", repair.fault, repair.outcome);
+        };
+        assert!(why.contains("no image of this dataset"), "{why}");
+    }
     assert!(blobs(folder.path()) == before);
     // A share is a share, and its seed chooses it.
     let chosen = |rerender_seed| {
