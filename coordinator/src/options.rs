@@ -38,10 +38,18 @@ pub struct Options {
 }
 
 impl Options {
+    /// Of a million completed materials, how many are rendered a second time: none where all workers
+    /// have one credential, since nobody else could render them.
+    pub(crate) fn redundant_share(&self) -> u32 {
+        let tokens = self.security.tokens.as_ref();
+        let alone = tokens.is_some_and(|tokens| tokens.worker_credentials() < 2);
+        if alone { 0 } else { self.redundant_per_million }
+    }
+
     /// The queue's limits. Credentials tell who is who, so with them newcomers are looked at, and
     /// everybody's work before the set is finished; a name that anybody can take tells nothing.
     pub(crate) fn queue_policy(&self) -> Policy {
-        let distrusts = self.security.tokens.is_some() && self.redundant_per_million > 0;
+        let distrusts = self.security.tokens.is_some() && self.redundant_share() > 0;
         let (probation, audits) = if distrusts {
             (limits::PROBATION, limits::AUDITS)
         } else {
@@ -71,5 +79,36 @@ impl Default for Options {
             #[cfg(test)]
             panics: None,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_rendered_twice_that_only_one_credential_could_render() {
+        let [a, b] = ["a", "b"].map(|letter| letter.repeat(32));
+        let with = |tokens: Option<String>| Options {
+            security: Security {
+                tokens: tokens.map(|tokens| tokens.parse().unwrap()),
+                ..Security::default()
+            },
+            ..Options::default()
+        };
+        let shares = |options: Options| {
+            let policy = options.queue_policy();
+            (options.redundant_share(), policy.probation, policy.audits)
+        };
+        let (share, probation, audits) = (
+            limits::REDUNDANT_PER_MILLION,
+            limits::PROBATION,
+            limits::AUDITS,
+        );
+        assert_eq!(shares(with(None)), (share, 0, 0));
+        let one = format!("worker {a} lab\noperator {b}");
+        assert_eq!(shares(with(Some(one))), (0, 0, 0));
+        let two = format!("worker {a} lab\nworker {b} guest");
+        assert_eq!(shares(with(Some(two))), (share, probation, audits));
     }
 }

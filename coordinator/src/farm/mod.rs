@@ -146,7 +146,7 @@ impl Farm {
             context,
             publisher,
             uploads: UploadSlots::new(uploads_at_once()),
-            redundant_per_million: options.redundant_per_million,
+            redundant_per_million: options.redundant_share(),
             tokens: options.security.tokens.clone(),
             metrics,
             stopping,

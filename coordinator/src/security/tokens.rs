@@ -3,7 +3,7 @@
 use dataset::Digest;
 use jobqueue::identity::{OPERATOR, is_credential_name};
 use limits::{TOKEN_BYTES_MAX, TOKEN_BYTES_MIN, TOKENS_MAX};
-use std::{fmt, str::FromStr, sync::Arc};
+use std::{collections::BTreeSet, fmt, str::FromStr, sync::Arc};
 use subtle::{Choice, ConditionallySelectable, ConstantTimeEq};
 use thiserror::Error;
 
@@ -139,6 +139,14 @@ impl Tokens {
         }
         let index = found.checked_sub(1)?;
         Some(&self.0[index as usize].0)
+    }
+
+    /// How many workers' credentials there are.
+    pub fn worker_credentials(&self) -> usize {
+        let callers = self.0.iter().map(|(caller, _)| caller);
+        let workers = callers.filter(|caller| caller.role == Role::Worker);
+        let names: BTreeSet<&str> = workers.map(|caller| &*caller.credential).collect();
+        names.len()
     }
 
     /// Whether a worker's credential has this name.
