@@ -204,6 +204,11 @@ impl Queue {
         third: (Fingerprint, String),
         now: Duration,
     ) -> (Verdict, Changes) {
+        let by = if is_operator(&third.1) {
+            "the operator rendered"
+        } else {
+            "two others rendered"
+        };
         let (truth, verdict) = if third.0.agrees_with(first.0) {
             (first, Verdict::Upheld(second.worker))
         } else if third.0.agrees_with(second.fingerprint) {
@@ -213,15 +218,10 @@ impl Queue {
         } else {
             return self.undecided(material, [first.1, second.worker, third.1], now);
         };
-        let by = if is_operator(&truth.1) || matches!(verdict, Verdict::Ruled(_)) {
-            "the operator rendered"
-        } else {
-            "two others rendered"
-        };
         let mut changes = self.completed(material, truth, RedundantRender::Agreed, now);
         for liar in verdict.liars() {
             let reason = format!(
-                "{by} material {material} to the same images and statistics, and {liar} to others"
+                "{by} material {material} to other images or statistics than {liar} delivered"
             );
             let liar = identity::identity(liar);
             changes.extend(self.block(liar, BlockCause::Disagreement, reason, now));

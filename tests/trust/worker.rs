@@ -120,7 +120,13 @@ impl Puppet {
             views,
             seconds: 0.01,
         };
-        match client.complete(with_deadline(message)).await {
+        let mut answer = client.complete(with_deadline(message.clone())).await;
+        // Room for images that a lease has lost, or not yet: a worker asks again.
+        while matches!(&answer, Err(status) if status.code() == Code::ResourceExhausted) {
+            tokio::time::sleep(RENDERING).await;
+            answer = client.complete(with_deadline(message.clone())).await;
+        }
+        match answer {
             Ok(answer) => {
                 assert!(answer.into_inner().missing.is_empty());
                 self.delivered.fetch_add(1, Ordering::Relaxed);
