@@ -157,6 +157,23 @@ impl LockedJobs {
         Ok(rows.leases)
     }
 
+    /// Tells the queue that whoever answers for the holder of a job is no newcomer and that its work
+    /// is to be audited anyway. The rest of its history is not known here: what the queue does to the
+    /// job must not change it.
+    pub fn add_known_holder(&mut self, material: u32) {
+        let Some(holder) = self.queue.holder(material) else {
+            return;
+        };
+        let name = identity(&holder.name).to_owned();
+        let record = WorkerRecord {
+            probation: self.policy.probation,
+            audit_due: self.policy.audits > 0,
+            ..WorkerRecord::default()
+        };
+        let known = WorkerChange { name, record };
+        self.queue.add_worker(known, self.now);
+    }
+
     /// Adds the histories of workers and of whoever answers for them. Only for who runs alone.
     pub async fn add_workers(
         &mut self,

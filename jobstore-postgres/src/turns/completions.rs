@@ -11,6 +11,9 @@ use tokio_postgres::Row;
 pub(super) struct Completing {
     /// The materials whose completion may change more than they themselves, and has to wait.
     alone: BTreeSet<u32>,
+    /// Others run at the same time: of all holders but those above, a completion changes nothing that
+    /// is kept of them, which `failing.sql` found out.
+    beside: bool,
 }
 
 /// What completions came to.
@@ -42,6 +45,7 @@ impl Completing {
         });
         Self {
             alone: alone.collect(),
+            beside: true,
         }
     }
 
@@ -52,8 +56,10 @@ impl Completing {
         delivery: &Delivery,
     ) -> Result<Self, Fault> {
         widen(transaction, locked, delivery).await?;
-        let alone = BTreeSet::new();
-        Ok(Self { alone })
+        Ok(Self {
+            alone: BTreeSet::new(),
+            beside: false,
+        })
     }
 
     /// Completes jobs that are locked.
@@ -65,9 +71,13 @@ impl Completing {
     ) -> Completed {
         let mut completed = Completed::default();
         for delivery in deliveries {
-            let answer = if self.alone.contains(&delivery.completion.material) {
+            let material = delivery.completion.material;
+            let answer = if self.alone.contains(&material) {
                 None
             } else {
+                if self.beside {
+                    locked.add_known_holder(material);
+                }
                 Some(complete_one(locked, delivery, context, &mut completed))
             };
             completed.answers.push(answer);
