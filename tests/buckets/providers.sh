@@ -90,7 +90,7 @@ PYTHON
   export GOOGLE_BASE_URL="http://127.0.0.1:$port" GOOGLE_ALLOW_HTTP=true
   url=gs://farm
   refuses=damaged,undeclared,elsewhere,late
-  signed='"PUT /farm/.*X-Goog-Signature=.* 200'
+  signed='"PUT /[^/]*/.*X-Goog-Signature=.* 200'
 }
 
 s3_environment() {
@@ -108,7 +108,7 @@ start_moto() {
   s3_environment "$port" not-a-secret
   # It checks neither signatures nor MD5s.
   refuses=
-  signed='"PUT /farm/.*X-Amz-Signature=.* 200'
+  signed='"PUT /[^/]*/.*X-Amz-Signature=.* 200'
 }
 
 start_s3s() {
