@@ -9,6 +9,8 @@ fn check(arguments: &[&str]) -> Output {
     command
         .args(arguments)
         .env("BRDFARM", env!("CARGO_BIN_EXE_brdfarm"))
+        // Where tests/clients/install.sh put the Python packages that the checks read YAML with.
+        .env("PYTHONPATH", root.join("target/python-clients"))
         .env("CHECK_OFFLINE", "1");
     command.output().expect("bash runs")
 }
