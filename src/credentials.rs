@@ -10,6 +10,7 @@ use rcgen::{
     BasicConstraints, CertificateParams, CertifiedIssuer, DnType, ExtendedKeyUsagePurpose, IsCa,
     KeyPair, KeyUsagePurpose,
 };
+use rustls::pki_types::ServerName;
 use std::fs::{self, DirBuilder, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt};
@@ -37,7 +38,7 @@ pub struct Options {
     folder: PathBuf,
     /// A name or address under which the coordinator is reached, as in its URL; can be repeated.
     /// localhost and 127.0.0.1 are always among them
-    #[arg(long = "host", value_name = "NAME")]
+    #[arg(long = "host", value_name = "NAME", value_parser = host)]
     hosts: Vec<String>,
     /// How long the certificates are valid
     #[arg(long, default_value_t = 365, value_name = "DAYS",
@@ -51,6 +52,15 @@ pub struct Options {
     /// it: give each machine, or each person, one of its own
     #[arg(long = "worker", value_name = "NAME")]
     workers: Vec<String>,
+}
+
+/// A name or an address of a host, as certificates have them: `*.` stands for one label.
+fn host(text: &str) -> Result<String, String> {
+    let name = text.strip_prefix("*.").unwrap_or(text);
+    match ServerName::try_from(name) {
+        Ok(_) => Ok(text.to_owned()),
+        Err(_) => Err("no name or address of a host, such as farm.lab.org or 10.0.0.7".to_owned()),
+    }
 }
 
 /// Makes them.
@@ -227,13 +237,7 @@ fn sign(
     days: u64,
     folder: &Path,
 ) -> anyhow::Result<()> {
-    let wrong = |_| {
-        BadInput(format!(
-            "--host {}: these are no names of hosts",
-            hosts.join(" ")
-        ))
-    };
-    let parameters = CertificateParams::new(hosts.clone()).map_err(wrong)?;
+    let parameters = CertificateParams::new(hosts)?;
     let mut parameters = valid_for(parameters, days);
     parameters.distinguished_name.push(DnType::CommonName, name);
     parameters.key_usages = vec![KeyUsagePurpose::DigitalSignature];
@@ -281,4 +285,19 @@ fn append(path: &Path, text: &str) -> anyhow::Result<()> {
     let file = OpenOptions::new().append(true).open(path);
     let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
     written.with_context(|| format!("cannot write {}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hosts_are_names_or_addresses() {
+        for good in ["farm.lab.org", "node-7", "*.lab.org", "10.0.0.7", "::1"] {
+            assert_eq!(host(good).as_deref(), Ok(good));
+        }
+        for bad in ["", "*.", "https://farm", "farm:7117", "a b", "-x", "é.org"] {
+            assert!(host(bad).is_err(), "{bad:?}");
+        }
+    }
 }

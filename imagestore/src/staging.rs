@@ -406,9 +406,13 @@ impl Staging {
         (image.stage == Stage::Waiting).then_some(image.file)
     }
 
-    /// Leases that have room, with their materials.
-    pub fn leases(&self) -> impl Iterator<Item = LeaseOf> {
-        self.rooms.keys().copied()
+    /// Leases of a material that have room.
+    pub fn leases_of(&self, material: u32) -> impl Iterator<Item = LeaseOf> {
+        let [first, last] = [u8::MIN, u8::MAX].map(|byte| LeaseOf {
+            material,
+            token: Token::from_bytes([byte; limits::protocol::TOKEN_BYTES]),
+        });
+        self.rooms.range(first..=last).map(|(lease, _)| *lease)
     }
 
     /// Leases whose standing was not looked at for a while; it counts as looked at now.

@@ -11,7 +11,10 @@ use imagestore::{
     staging::{Credential, Holder, LeaseOf, Sender, StagedImage},
     validation::{self, Rejection},
 };
-use jobqueue::{Completion, Standing, Verdict, token::Token};
+use jobqueue::{
+    Completion, Standing, Verdict,
+    token::{Token, WorkerId},
+};
 use jobstore::{Decision, Delivery, JobStoreError, PublishError, ledger::BlobPlace};
 
 /// What became of a completion.
@@ -107,42 +110,62 @@ impl Farm {
                 return Ok(Outcome::Missing(missing));
             }
         }
-        let draw = u64::from_ne_bytes(random()?) % 1_000_000;
-        let delivery = Delivery {
-            token,
-            completion,
-            check: draw < u64::from(self.redundant_per_million),
-        };
-        let decision = loop {
-            match self.job_store.complete(delivery.clone()).await {
-                // Sent again while it was about to be recorded.
-                Err(JobStoreError::Unpublished(_)) => {
-                    if let Some(missing) = self.publish_images(sender, &delivery.completion).await?
-                    {
-                        return Ok(Outcome::Missing(missing));
-                    }
-                }
-                decision => break decision?,
-            }
+        let decision = match self.record(sender, completion).await? {
+            Ok(decision) => decision,
+            Err(missing) => return Ok(Outcome::Missing(missing)),
         };
         if let Some(settled) = uploads {
             settled.clear();
         }
-        self.drop_ended(&decision.changes);
+        // Whatever was decided, the lease is over.
+        self.end_staging(&[sender.lease]);
+        self.drop_ended(&decision.changes).await;
         if decision.verdict.records()
             && let Some(holder) = &decision.holder
         {
             self.metrics.note_completion(bytes, seconds);
-            let mut state = self.shared.lock();
-            let images = self.specification.views.len() as u64;
-            state.images_completed.count(images, self.shared.now());
-            state.presence.note_completion(holder.worker);
+            self.count_images(holder.worker);
         }
         self.tell_decision(material, token, &decision);
         Ok(match decision.verdict {
             Verdict::Repeated => Outcome::Repeated,
             _ => Outcome::Recorded,
         })
+    }
+
+    /// Hands a completion to the job store, whose images have their names. Where one of those has
+    /// vanished meanwhile returns all that are to be sent again.
+    async fn record(
+        &self,
+        sender: Sender,
+        completion: Completion,
+    ) -> Result<Result<Decision, Vec<Digest>>, FarmError> {
+        let draw = u64::from_ne_bytes(random()?) % 1_000_000;
+        let delivery = Delivery {
+            token: sender.lease.token,
+            completion,
+            check: draw < u64::from(self.redundant_per_million),
+        };
+        loop {
+            match self.job_store.complete(delivery.clone()).await {
+                // Sent again while it was about to be recorded.
+                Err(JobStoreError::Unpublished(_)) => {
+                    let published = self.publish_images(sender, &delivery.completion);
+                    if let Some(missing) = published.await? {
+                        return Ok(Err(missing));
+                    }
+                }
+                decision => return Ok(Ok(decision?)),
+            }
+        }
+    }
+
+    /// Counts a completed material's images, for the rate and for its worker.
+    fn count_images(&self, worker: WorkerId) {
+        let mut state = self.shared.lock();
+        let images = self.specification.views.len() as u64;
+        state.images_completed.count(images, self.shared.now());
+        state.presence.note_completion(worker);
     }
 
     /// Gives the staged images of a completion their names. Where one has vanished from the disk

@@ -6,6 +6,7 @@ use super::{
     random,
 };
 use dataset::{Digest, RENDERER_VERSION};
+use imagestore::staging::LeaseOf;
 use jobqueue::{
     Changes, JobState,
     identity::identity,
@@ -131,7 +132,8 @@ impl Farm {
         error: String,
     ) -> Result<bool, FarmError> {
         let Failed { worker, changes } = self.job_store.fail(material, token, &error).await?;
-        self.drop_ended(&changes);
+        self.end_staging(&[LeaseOf { material, token }]);
+        self.drop_ended(&changes).await;
         let event = Event::new(EventKind::Failed).material(material);
         self.emit(event.worker(worker).lease(token).text(error));
         Ok(self.tell_troubles(&changes).contains(&material))
@@ -141,7 +143,7 @@ impl Farm {
     pub async fn deregister(&self, worker: WorkerId) -> Result<u32, FarmError> {
         let name = self.job_store.name(worker).await?;
         let changes = self.job_store.release(worker).await?;
-        self.drop_ended(&changes);
+        self.drop_ended(&changes).await;
         let released = changes.jobs.len() as u32;
         {
             let mut state = self.shared.lock();
@@ -161,7 +163,7 @@ impl Farm {
         let now = self.shared.now();
         self.tend_staging(now).await;
         let expired = self.job_store.expire().await?;
-        self.drop_ended(&expired.changes);
+        self.drop_ended(&expired.changes).await;
         self.draw_audits().await?;
         self.forget_absent(now).await?;
         for lease in expired.lost {

@@ -113,7 +113,7 @@ impl Farm {
         selection: &Selection,
     ) -> Result<Vec<u32>, FarmError> {
         let changes = self.job_store.order(order, selection).await?;
-        self.drop_ended(&changes);
+        self.drop_ended(&changes).await;
         let (kind, text) = match order {
             JobsOrder::Retry => (EventKind::Retried, String::new()),
             JobsOrder::Cancel => (EventKind::Cancelled, String::new()),
@@ -154,7 +154,7 @@ impl Farm {
             .job_store
             .block(&self.meant(name), BlockCause::Operator, reason)
             .await?;
-        self.drop_ended(&changes);
+        self.drop_ended(&changes).await;
         self.tell_troubles(&changes);
         Ok(changes.jobs.len() as u32)
     }

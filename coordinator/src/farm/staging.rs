@@ -10,7 +10,7 @@ use imagestore::{
 };
 use jobqueue::{Changes, Refusal, Selection, token::WorkerId};
 use jobstore::JobStoreError;
-use std::{collections::BTreeMap, time::Duration};
+use std::time::Duration;
 use tokio::{
     task,
     time::{Instant, sleep},
@@ -74,26 +74,37 @@ impl Farm {
         views.sum()
     }
 
-    /// Drops what leases had staged that changes ended.
-    pub(super) fn drop_ended(&self, changes: &Changes) {
-        let mut staging: BTreeMap<u32, Vec<LeaseOf>> = BTreeMap::new();
-        for lease in self.context.staging().leases() {
-            staging.entry(lease.material).or_default().push(lease);
+    /// Drops what leases had staged that changes ended. A job may have been leased again since, and
+    /// that lease's images be under way, so each is looked up before it ends.
+    pub(super) async fn drop_ended(&self, changes: &Changes) {
+        let mut doubtful = Vec::new();
+        {
+            let staging = self.context.staging();
+            for change in &changes.jobs {
+                let holder = change.record.state.holder();
+                let current = holder.map(|holder| holder.token);
+                let leases = staging.leases_of(change.material);
+                doubtful.extend(leases.filter(|lease| Some(lease.token) != current));
+            }
         }
-        if staging.is_empty() {
-            return;
-        }
-        let mut ended = Vec::new();
-        for change in &changes.jobs {
-            let holder = change.record.state.holder();
-            let current = holder.map(|holder| holder.token);
-            let leases = staging.get(&change.material).into_iter().flatten();
-            ended.extend(leases.filter(|lease| Some(lease.token) != current));
-        }
+        self.end_lapsed(doubtful).await;
+    }
+
+    /// Ends the room of those leases that are over.
+    async fn end_lapsed(&self, leases: Vec<LeaseOf>) {
+        let looked = stream::iter(leases).map(|lease| async move {
+            let holder = self.lease_holder(lease).await;
+            let over = matches!(holder, Err(FarmError::JobStore(JobStoreError::Refused(_))));
+            over.then_some(lease)
+        });
+        let looked = looked.buffer_unordered(limits::STAGED_LEASES_CHECKED_AT_ONCE);
+        let ended: Vec<Option<LeaseOf>> = looked.collect().await;
+        let ended: Vec<LeaseOf> = ended.into_iter().flatten().collect();
         self.end_staging(&ended);
     }
 
-    fn end_staging(&self, ended: &[LeaseOf]) {
+    /// Ends the room of leases.
+    pub(super) fn end_staging(&self, ended: &[LeaseOf]) {
         let now = self.shared.now();
         let mut files = Vec::new();
         for lease in ended {
@@ -106,15 +117,7 @@ impl Farm {
     /// wait for too long.
     pub(super) async fn tend_staging(&self, now: Duration) {
         let unchecked = self.context.staging().take_unchecked(now);
-        let looked = stream::iter(unchecked).map(|lease| async move {
-            let holder = self.lease_holder(lease).await;
-            let over = matches!(holder, Err(FarmError::JobStore(JobStoreError::Refused(_))));
-            over.then_some(lease)
-        });
-        let looked = looked.buffer_unordered(limits::STAGED_LEASES_CHECKED_AT_ONCE);
-        let ended: Vec<Option<LeaseOf>> = looked.collect().await;
-        let ended: Vec<LeaseOf> = ended.into_iter().flatten().collect();
-        self.end_staging(&ended);
+        self.end_lapsed(unchecked).await;
         let stalled = self.context.staging().take_stalled(now);
         if !stalled.is_empty() {
             let images = stalled.len();
@@ -130,5 +133,51 @@ impl Farm {
         }
         let blobs = self.context.blobs.clone();
         task::spawn_blocking(move || files.iter().for_each(|file| blobs.discard(file)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{metrics::Metrics, options::Options, supervision::Supervisor};
+    use dataset::{RENDERER_VERSION, Specification};
+    use datastore::Store;
+    use jobqueue::{JobChange, JobRecord};
+    use std::sync::Arc;
+    use tokio::sync::watch;
+
+    /// News of a job that are older than its lease, as of the completion before whose second
+    /// rendering it is, end nothing; those of its own end do.
+    #[tokio::test]
+    async fn old_news_of_a_job_leave_the_room_of_its_next_lease() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut specification = Specification::preset();
+        specification.materials = 1;
+        let hash = specification.hash();
+        let store = Store::open_or_create(folder.path(), &specification).unwrap();
+        let (_stop, stopping) = watch::channel(false);
+        let mut supervisor = Supervisor::new(stopping.clone());
+        let (options, metrics) = (Options::default(), Arc::<Metrics>::default());
+        let farm = Farm::start(store.into(), &options, metrics, stopping, &mut supervisor);
+        let (farm, _lock) = farm.await.unwrap();
+        let name = "a".to_owned();
+        let registered = farm.register(None, name, RENDERER_VERSION, hash);
+        let worker = registered.await.unwrap();
+        let leased = farm.lease(worker, 1, Duration::ZERO).await.unwrap();
+        let (token, material) = leased.jobs[0];
+        let lease = LeaseOf { material, token };
+        farm.reserve(lease, None, Duration::ZERO).await.unwrap();
+
+        let old_news = Changes {
+            jobs: vec![JobChange {
+                material: lease.material,
+                record: JobRecord::default(),
+            }],
+            ..Changes::default()
+        };
+        farm.drop_ended(&old_news).await;
+        assert!(farm.context.staging().sender(lease).is_some());
+        farm.deregister(worker).await.unwrap();
+        assert!(farm.context.staging().sender(lease).is_none());
     }
 }
