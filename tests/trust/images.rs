@@ -86,4 +86,46 @@ impl Images {
         }
         views
     }
+
+    /// The truth, with something in its files that does not belong there.
+    pub fn smuggle(&self, material: u32) -> Vec<View> {
+        let mut views = self.truth(material);
+        for view in &mut views {
+            let data = with_an_attribute(&view.image);
+            view.digest = Digest::of(&data).as_bytes().to_vec();
+            view.size = data.len() as u64;
+            view.image = data.into();
+        }
+        views
+    }
+}
+
+/// An OpenEXR file with one more attribute, of 100 bytes, before all others.
+fn with_an_attribute(exr: &[u8]) -> Vec<u8> {
+    // Magic number and version come before the header.
+    let start = 8;
+    let mut end = start;
+    let text_end = |from: usize| from + exr[from..].iter().position(|byte| *byte == 0).unwrap() + 1;
+    while exr[end] != 0 {
+        let size = text_end(text_end(end));
+        let bytes = u32::from_le_bytes(exr[size..size + 4].try_into().unwrap());
+        end = size + 4 + bytes as usize;
+    }
+    let table = end + 1;
+    let offset = |at: usize| u64::from_le_bytes(exr[at..at + 8].try_into().unwrap());
+    let chunks = offset(table) as usize;
+    let mut attribute = b"notes\0string\0".to_vec();
+    attribute.extend(100_u32.to_le_bytes());
+    attribute.extend([b'x'; 100]);
+    let shifted = (table..chunks).step_by(8);
+    let shifted = shifted.flat_map(|at| (offset(at) + attribute.len() as u64).to_le_bytes());
+    let shifted: Vec<u8> = shifted.collect();
+    [
+        &exr[..start],
+        &attribute,
+        &exr[start..table],
+        &shifted,
+        &exr[chunks..],
+    ]
+    .concat()
 }

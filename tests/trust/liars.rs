@@ -15,18 +15,24 @@ pub enum Liar {
     StatisticsOnly,
     /// It tells the truth of its first materials, those that newcomers are watched for.
     HonestAtFirst,
+    /// It is honest of its own materials, and contradicts those of others.
+    Slanderer,
+    /// Its images have an attribute that the renderer writes none of, for whatever it holds.
+    Headers,
     /// It lies about one material in ten.
     OneInTen,
 }
 
 impl Liar {
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::Always,
         Self::Renamed,
         Self::TwoNames,
         Self::KnowsRedundantRenders,
         Self::StatisticsOnly,
         Self::HonestAtFirst,
+        Self::Slanderer,
+        Self::Headers,
         Self::OneInTen,
     ];
 
@@ -40,8 +46,13 @@ impl Liar {
     /// coordinator has its true images.
     pub fn lies(self, number: u32, material: u32, known: bool) -> bool {
         match self {
-            Self::Always | Self::Renamed | Self::TwoNames | Self::StatisticsOnly => true,
+            Self::Always
+            | Self::Renamed
+            | Self::TwoNames
+            | Self::StatisticsOnly
+            | Self::Headers => true,
             Self::KnowsRedundantRenders => !known,
+            Self::Slanderer => known,
             Self::HonestAtFirst => number >= limits::PROBATION,
             Self::OneInTen => material % 10 == 3,
         }

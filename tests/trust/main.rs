@@ -66,6 +66,16 @@ fn a_liar_that_is_honest_until_it_is_trusted_leaves_nothing() {
     ends_right(Liar::HonestAtFirst);
 }
 
+#[test]
+fn a_slanderer_blocks_nobody() {
+    ends_right(Liar::Slanderer);
+}
+
+#[test]
+fn a_header_with_more_in_it_is_refused() {
+    ends_right(Liar::Headers);
+}
+
 /// Nobody lies: a share of the work that is stated is done twice, and everybody is believed.
 #[test]
 fn honest_workers_are_believed() {
@@ -102,6 +112,14 @@ fn every_liar_twenty_times() {
             assert_eq!(clean, 20, "{liar:?}");
         }
     }
+    // It is looked at in probation and in the audit: a lie in ten slips through each with 0.9.
+    let looks = limits::PROBATION + limits::AUDITS;
+    println!(
+        "in theory a liar of one material in ten keeps its lies in at most {:.0} percent of the sets",
+        100.0 * 0.9_f64.powi(looks as i32)
+    );
+    let left = set::mended(&images, Liar::OneInTen);
+    println!("{left} lies that were left are named, and mended by repair --rerender");
 }
 
 #[test]

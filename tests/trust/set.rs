@@ -158,6 +158,31 @@ pub fn run(images: &Arc<Images>, liar: Option<Liar>) -> Outcome {
 
 /// A set with so many honest workers, who all work to its end.
 pub fn run_with(images: &Arc<Images>, liar: Option<Liar>, honest: usize) -> Outcome {
+    finish(images, liar, honest).1
+}
+
+/// The lies that are left in the set of a liar that was not found out are all named and mended by
+/// whoever renders the whole set again. Returns how many there were.
+pub fn mended(images: &Arc<Images>, liar: Liar) -> usize {
+    let (farm, outcome) = loop {
+        let (farm, outcome) = finish(images, Some(liar), 2);
+        if !outcome.wrong_images.is_empty() {
+            break (farm, outcome);
+        }
+    };
+    let at = farm.folder.path();
+    let (sound, text) = said(at, "dataset verify --store store --rerender 100%");
+    assert!(!sound, "{text}");
+    let (mended, text) = said(at, "dataset repair --store store --rerender 100%");
+    assert!(mended, "{text}");
+    assert!(text.contains("eve/"), "whose they were: {text}");
+    let (sound, text) = said(at, "dataset verify --store store --rerender 100%");
+    assert!(sound, "{text}");
+    assert_eq!(farm.wrong(images), (Vec::new(), Vec::new()));
+    outcome.wrong_images.len()
+}
+
+fn finish(images: &Arc<Images>, liar: Option<Liar>, honest: usize) -> (Farm, Outcome) {
     let names: Vec<String> = (0..honest)
         .map(|number| format!("honest{number}"))
         .collect();
@@ -185,12 +210,13 @@ pub fn run_with(images: &Arc<Images>, liar: Option<Liar>, honest: usize) -> Outc
     }
     let (wrong_images, wrong_statistics) = farm.wrong(images);
     let all = delivered.iter().map(|count| count.load(Ordering::Relaxed));
-    Outcome {
+    let outcome = Outcome {
         wrong_images,
         wrong_statistics,
         honest_blocked: ends[..honest].contains(&End::Blocked),
         redundant_renders: all.sum::<u64>() - u64::from(images.specification.materials),
-    }
+    };
+    (farm, outcome)
 }
 
 /// One honest worker and one liar: nobody can decide but the operator, whose command does.

@@ -3,7 +3,8 @@
 use crate::{images::Images, liars::Liar};
 use dataset::RENDERER_VERSION;
 use proto::{
-    CompleteRequest, FarmClient, FindMissingBlobsRequest, Job, LeaseRequest, RegisterRequest, View,
+    CompleteRequest, DeregisterRequest, FailRequest, FarmClient, FindMissingBlobsRequest, Job,
+    LeaseRequest, RegisterRequest, View,
     client::{Credentials, farm, with_deadline, with_deadline_after},
 };
 use std::{
@@ -80,6 +81,9 @@ impl Puppet {
                 Err(status) => panic!("{name}: {status}"),
             };
             if leased.finished {
+                let message = DeregisterRequest { worker_id };
+                // The coordinator may end before it hears of it.
+                drop(client.deregister(with_deadline(message)).await);
                 return End::Finished;
             }
             if !leased.barred.is_empty() {
@@ -108,6 +112,7 @@ impl Puppet {
         let known = missing.unwrap().into_inner().missing.is_empty();
         match liar.lies(number, material, known) {
             true if liar == Liar::StatisticsOnly => self.images.praise(material),
+            true if liar == Liar::Headers => self.images.smuggle(material),
             true => self.images.lie(material),
             false => truth,
         }
@@ -130,6 +135,15 @@ impl Puppet {
             Ok(answer) => {
                 assert!(answer.into_inner().missing.is_empty());
                 self.delivered.fetch_add(1, Ordering::Relaxed);
+            }
+            Err(status) if self.liar == Some(Liar::Headers) => {
+                assert_eq!(status.code(), Code::InvalidArgument, "{status}");
+                let message = FailRequest {
+                    token: message.token,
+                    material: message.material,
+                    error: status.message().to_owned(),
+                };
+                client.fail(with_deadline(message)).await.unwrap();
             }
             // A liar's leases are taken back when it is found out, and so is a second rendering of what
             // it alone vouched for.
