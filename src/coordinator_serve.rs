@@ -87,10 +87,11 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Serve(options) => options,
         Command::Health(options) => return coordinator_health::execute(options),
     };
-    let specification = options.specification.load()?;
     let for_coordinator = options.for_coordinator()?;
-    Coordinator::check(&specification, &for_coordinator)?;
     let runtime = Runtime::new()?;
+    let kept = || store_name::kept_specification(&options.store, &runtime);
+    let specification = options.specification.load(kept)?;
+    Coordinator::check(&specification, &for_coordinator)?;
     let blobs = options.blobs.as_ref();
     let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
     runtime.block_on(serve(options, for_coordinator, store))
@@ -155,7 +156,7 @@ async fn serve(
     store: AnyStore,
 ) -> anyhow::Result<()> {
     raise_open_files();
-    let mut asked = shutdown::flag()?;
+    let mut asked = shutdown::flag("calls under way end first")?;
     let coordinator = Coordinator::start(store, for_coordinator).await?;
     writeln!(io::stdout(), "listening on {}", coordinator.url())?;
     let outcome = tokio::select! {

@@ -1,5 +1,6 @@
 //! What a failure tells the shell.
 
+use crate::shutdown::{self, Stopped};
 use coordinator::CoordinatorError;
 use dataset::{IndexListError, SpecificationError};
 use datastore::shared::DatabaseError;
@@ -36,6 +37,9 @@ pub fn exit_code(outcome: anyhow::Result<()>) -> ExitCode {
         return ExitCode::SUCCESS;
     }
     report(&message(&error));
+    if error.chain().any(|cause| cause.is::<Stopped>()) {
+        return ExitCode::from(shutdown::exit_code());
+    }
     if error.chain().any(is_bad_input) {
         ExitCode::from(BAD_INPUT)
     } else {

@@ -3,6 +3,7 @@
 use crate::connection::CoordinatorOptions;
 use crate::plural::count;
 use crate::runtime::Runtime;
+use crate::shutdown::Stopped;
 use crate::{cores, shutdown};
 use clap::Args;
 use renderer::geometry::BackendChoice;
@@ -53,12 +54,16 @@ async fn resolve(options: &Resolve) -> anyhow::Result<Summary> {
         RendererBackend::new(specification, BackendChoice::Auto)
             .map_err(|error| RenderFailure(error.to_string()))
     });
-    let mut asked = shutdown::flag()?;
+    let mut asked = shutdown::flag("views under way end first")?;
     let worker = tokio::select! {
         worker = connecting => worker?,
         () = shutdown::raised(&mut asked) => {
-            anyhow::bail!("stopped before the coordinator answered");
+            return Err(Stopped("stopped before the coordinator answered".to_owned()).into());
         }
     };
-    Ok(worker.run(asked).await?)
+    let summary = worker.run(asked.clone()).await?;
+    if *asked.borrow() {
+        return Err(Stopped("stopped: the same command goes on".to_owned()).into());
+    }
+    Ok(summary)
 }

@@ -49,7 +49,8 @@ use std::process::ExitCode;
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "Exit codes: 0 done, 1 failed, 2 the input or the command line is wrong."
+    after_help = "Exit codes: 0 done, 1 failed, 2 the input or the command line is wrong, 130 or 143 stopped \
+                  by SIGINT or SIGTERM."
 )]
 struct Cli {
     #[command(flatten)]

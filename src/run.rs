@@ -4,6 +4,7 @@ use crate::dataset_command::{show, verify};
 use crate::plural::count;
 use crate::progress::FarmBar;
 use crate::runtime::Runtime;
+use crate::shutdown::Stopped;
 use crate::{cores, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{Coordinator, Progress, RunningCoordinator};
@@ -73,10 +74,11 @@ struct Rendered {
 
 /// Renders, checks and sums up.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
-    let specification = options.specification.load()?;
-    Coordinator::check(&specification, &options.for_coordinator())?;
     // Lives to the end: it is what listens for somebody asking the process to stop.
     let runtime = Runtime::new()?;
+    let kept = || store_name::kept_specification(&options.store, &runtime);
+    let specification = options.specification.load(kept)?;
+    Coordinator::check(&specification, &options.for_coordinator())?;
     let blobs = options.blobs.as_ref();
     let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
     let workers = cores::count(options.workers);
@@ -84,12 +86,13 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
 
     let progress = rendered.progress;
     let images = progress.images - rendered.images_before;
-    anyhow::ensure!(
-        !rendered.stopped,
-        "stopped with {} of {} materials complete: the same command goes on from there",
-        progress.counts.completed,
-        progress.counts.materials
-    );
+    if rendered.stopped {
+        return Err(Stopped(format!(
+            "stopped with {} of {} materials complete: the same command goes on from there",
+            progress.counts.completed, progress.counts.materials
+        ))
+        .into());
+    }
     anyhow::ensure!(
         progress.counts.quarantined == 0,
         "{} of {} materials failed too often and were quarantined (--log warn tells why): {}",
@@ -170,7 +173,7 @@ impl Options {
 }
 
 async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::Result<Rendered> {
-    let mut asked = shutdown::flag()?;
+    let mut asked = shutdown::flag("views under way end first")?;
     let views = store.specification().views.len() as u64;
     let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
     let before = *coordinator.progress().borrow();

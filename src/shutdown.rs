@@ -1,29 +1,62 @@
 //! Being asked to stop: SIGINT (Ctrl-C) or SIGTERM.
 
 use crate::failure;
-use std::{io, process};
+use std::{
+    io::{self, Write},
+    process,
+    sync::atomic::{AtomicU8, Ordering},
+    time::{Duration, Instant},
+};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 
+/// How far apart two requests are at least: `timeout` and a terminal send one to each process of a
+/// group, and a program that passes it on sends it again.
+const ANOTHER: Duration = Duration::from_secs(1);
+
+/// The signal that asked first; 0 before.
+static ASKED_BY: AtomicU8 = AtomicU8::new(0);
+
+/// A command that ended because somebody asked it to, before its work was done.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct Stopped(pub String);
+
+/// The exit code of a command that was asked to stop: as of one that the signal ended.
+pub fn exit_code() -> u8 {
+    128 + ASKED_BY.load(Ordering::Relaxed)
+}
+
 /// A flag that rises when somebody asks the process to stop. Has to be called inside a runtime,
-/// which listens for as long as it lives.
+/// which listens for as long as it lives. `first` is what is still to be done then, as a sentence's
+/// end; standard error hears of it at once.
 ///
-/// A second request ends the process at once, for those who do not want to wait for work to be
-/// handed back; so does the first when nobody holds the flag any more.
-pub fn flag() -> io::Result<watch::Receiver<bool>> {
+/// A second request ends the process, for those who do not want to wait; so does the first when
+/// nobody holds the flag any more.
+pub fn flag(first: &'static str) -> io::Result<watch::Receiver<bool>> {
     let mut interrupt = signal(SignalKind::interrupt())?;
     let mut terminate = signal(SignalKind::terminate())?;
     let (asked, flag) = watch::channel(false);
     tokio::spawn(async move {
+        let mut asked_at: Option<Instant> = None;
         loop {
-            tokio::select! {
-                _ = interrupt.recv() => {}
-                _ = terminate.recv() => {}
+            let by = tokio::select! {
+                _ = interrupt.recv() => SignalKind::interrupt(),
+                _ = terminate.recv() => SignalKind::terminate(),
+            };
+            if asked_at.is_some_and(|at| at.elapsed() < ANOTHER) {
+                continue;
             }
-            if *asked.borrow() || asked.is_closed() {
+            // Signals have small numbers.
+            let by = u8::try_from(by.as_raw_value()).unwrap_or_default();
+            let unasked = ASKED_BY.compare_exchange(0, by, Ordering::Relaxed, Ordering::Relaxed);
+            if unasked.is_err() || asked.is_closed() {
                 failure::report("stopped at once");
-                process::exit(1);
+                process::exit(exit_code().into());
             }
+            // Standard error may be gone; there is nobody left to tell.
+            let _ = writeln!(io::stderr(), "stopping: {first}; once more ends at once");
+            asked_at = Some(Instant::now());
             asked.send_replace(true);
         }
     });

@@ -27,17 +27,26 @@ impl SpecificationOptions {
 /// The specification of a set that is to be rendered, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct SetOptions {
-    #[command(flatten)]
-    specification: SpecificationOptions,
+    /// The dataset's specification, a TOML file; what it leaves out is as in the preset maxbrdf.
+    /// Without a file a store that is there goes on with its own, and a new one takes the preset
+    #[arg(long, value_name = "FILE")]
+    spec: Option<PathBuf>,
     /// How many materials the set has [default: as many as the specification says]
     #[arg(long, value_name = "N")]
     materials: Option<u32>,
 }
 
 impl SetOptions {
-    /// The specification with as many materials as asked for.
-    pub fn load(&self) -> anyhow::Result<Specification> {
-        let mut specification = self.specification.load()?;
+    /// The specification with as many materials as asked for. Without a file that of the store, if
+    /// one is there.
+    pub fn load(
+        &self,
+        kept: impl FnOnce() -> anyhow::Result<Option<Specification>>,
+    ) -> anyhow::Result<Specification> {
+        let mut specification = match &self.spec {
+            Some(path) => Specification::load(path)?,
+            None => kept()?.unwrap_or_else(Specification::preset),
+        };
         if let Some(materials) = self.materials {
             if !limits::MATERIALS.contains(&materials) {
                 return Err(BadInput(format!(

@@ -1,7 +1,7 @@
 //! `brdfarm status`: how far the farm is.
 
 use crate::connection::CoordinatorOptions;
-use crate::plural::count;
+use crate::plural::{count, time};
 use clap::Args;
 use proto::{ControlClient, Mode, StatusRequest, StatusResponse, client::with_deadline};
 use serde_json::{Value, json};
@@ -158,18 +158,6 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
         writeln!(out, "material {}: {error}", set_aside.material)?;
     }
     Ok(())
-}
-
-/// Seconds as people say them.
-fn time(seconds: f64) -> String {
-    let minutes = seconds / 60.0;
-    if minutes < 1.0 {
-        format!("{seconds:.0} s")
-    } else if minutes < 100.0 {
-        format!("{minutes:.0} min")
-    } else {
-        format!("{:.1} h", minutes / 60.0)
-    }
 }
 
 fn as_json(status: &StatusResponse) -> Value {

@@ -13,6 +13,17 @@ pub fn parser() -> impl TypedValueParser<Value = StoreName> {
     PathBufValueParser::new().map(StoreName::new)
 }
 
+/// The specification of the store that is there, if one is.
+pub fn kept_specification(
+    name: &StoreName,
+    runtime: &Runtime,
+) -> anyhow::Result<Option<Specification>> {
+    Ok(match name {
+        StoreName::Database(url) => runtime.block_on(SharedStore::kept_specification(url))?,
+        StoreName::Folder(path) => Store::kept_specification(path)?,
+    })
+}
+
 /// Opens a store for a coordinator, or makes one. Has to be called outside of `runtime`: a store in
 /// a folder may have its images in a bucket, and waits for that.
 pub fn open_or_create(

@@ -3,6 +3,7 @@
 use crate::connection::CredentialOptions;
 use crate::plural::count;
 use crate::runtime::Runtime;
+use crate::shutdown::Stopped;
 use crate::{cores, shutdown};
 use clap::{Args, Subcommand};
 use renderer::geometry::BackendChoice;
@@ -76,11 +77,11 @@ async fn work(options: &Options) -> anyhow::Result<Summary> {
         RendererBackend::new(specification, backend)
             .map_err(|error| RenderFailure(error.to_string()))
     });
-    let mut asked = shutdown::flag()?;
+    let mut asked = shutdown::flag("views under way end first")?;
     let worker = tokio::select! {
         worker = connecting => worker?,
         () = shutdown::raised(&mut asked) => {
-            anyhow::bail!("stopped before the coordinator answered");
+            return Err(Stopped("stopped before the coordinator answered".to_owned()).into());
         }
     };
     Ok(worker.run(asked).await?)

@@ -87,22 +87,27 @@ fn a_worker_whose_view_does_not_end_says_so_and_ends() {
 
 #[test]
 fn a_run_in_a_view_that_does_not_end_stops_when_it_is_asked_to() {
-    let stop = |signals: &[&str]| {
+    let stop = |signals: &[&str], code: i32| {
         let folder = folder();
         let folder = folder.path();
         let run = start(folder, RUN);
         wait_until("a job", || said(folder).contains("leased"));
         for signal in signals {
             run.signal(signal);
-            sleep(Duration::from_millis(500));
+            sleep(Duration::from_millis(1_500));
         }
-        assert_eq!(run.ended(PATIENCE).code(), Some(1));
+        assert_eq!(run.ended(PATIENCE).code(), Some(code));
         said(folder)
     };
     thread::scope(|scope| {
-        let once = ["INT", "TERM"].map(|signal| scope.spawn(move || stop(&[signal])));
-        let twice = scope.spawn(|| stop(&["INT", "INT"]));
+        let once = [("INT", 130), ("TERM", 143)];
+        let once = once.map(|(signal, code)| scope.spawn(move || stop(&[signal], code)));
+        let twice = scope.spawn(|| stop(&["INT", "INT"], 130));
         for said in once.map(|stopped| stopped.join().expect("it stops")) {
+            assert!(
+                said.contains("stopping: views under way end first; once more ends at once"),
+                "{said}"
+            );
             assert!(
                 said.contains("stopped with 0 of 3 materials complete"),
                 "{said}"
@@ -111,4 +116,29 @@ fn a_run_in_a_view_that_does_not_end_stops_when_it_is_asked_to() {
         let said = twice.join().expect("it stops");
         assert!(said.contains("stopped at once"), "{said}");
     });
+}
+
+/// As `timeout` sends it: to the program, and to its group.
+#[test]
+fn two_signals_at_once_are_one_request() {
+    let folder = folder();
+    let folder = folder.path();
+    let run = start(folder, RUN);
+    wait_until("a job", || said(folder).contains("leased"));
+    run.signal("TERM");
+    sleep(Duration::from_millis(100));
+    run.signal("TERM");
+    assert_eq!(run.ended(PATIENCE).code(), Some(143));
+    let said = said(folder);
+    assert!(said.contains("stopped with 0 of 3 materials"), "{said}");
+}
+
+#[test]
+fn without_a_terminal_a_line_now_and_then_says_how_far_it_is() {
+    let folder = folder();
+    let folder = folder.path();
+    let run = start(folder, RUN);
+    wait_until("a line", || said(folder).contains("\n0 of 42 "));
+    run.signal("KILL");
+    run.ended(PATIENCE);
 }

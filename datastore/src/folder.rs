@@ -102,6 +102,14 @@ impl Store {
         })
     }
 
+    /// The specification of the store in a folder, if there is one.
+    pub fn kept_specification(path: &Path) -> Result<Option<Specification>, StoreError> {
+        match read_specification(path) {
+            Err(StoreError::Absent(_)) => Ok(None),
+            kept => kept.map(Some),
+        }
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path

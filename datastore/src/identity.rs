@@ -2,7 +2,7 @@
 
 use super::StoreError;
 use crate::CopyError;
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use imagestore::{
     FileError,
     blobs::{Blobs, Claimed, sync_file_system},
@@ -257,8 +257,7 @@ pub(super) fn grow(
     if kept.hash() != given.hash() {
         return Err(StoreError::Specification {
             path: path.to_owned(),
-            found: kept.hash(),
-            given: given.hash(),
+            differences: Differences::between(&kept, given),
         });
     }
     if given.materials > kept.materials {

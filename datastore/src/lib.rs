@@ -52,7 +52,7 @@ pub use reading::{ImageFault, ReadOnlyStore};
 pub use shared::{BlobsPlace, SharedStore, SharedStoreError};
 pub use writable::WritableStore;
 
-use dataset::{Digest, RENDERER_VERSION};
+use dataset::{RENDERER_VERSION, specification::Differences};
 use imagestore::{FileError, bucket::BucketUrl};
 use jobstore::ledger::LedgerError;
 use std::path::PathBuf;
@@ -84,17 +84,15 @@ pub enum StoreError {
     Locked(PathBuf),
     /// It holds another dataset.
     #[error(
-        "the store {} holds another dataset: its specification has the hash {found}, the one \
-         given has {given}; choose another store, or the specification it was made with",
+        "the store {} holds another dataset ({differences}): choose another store, or the \
+         specification it was made with",
         path.display()
     )]
     Specification {
         /// The store.
         path: PathBuf,
-        /// The hash of the store's specification.
-        found: Digest,
-        /// The hash of the specification given.
-        given: Digest,
+        /// What the given specification has otherwise.
+        differences: Differences,
     },
     /// It was made by another renderer, whose images are not the same.
     #[error(

@@ -1,8 +1,11 @@
 //! `brdfarm dataset specification`.
 
 use crate::failure::BadInput;
-use crate::specification;
+use crate::runtime::Runtime;
+use crate::{specification, store_name};
 use clap::Args;
+use dataset::Specification;
+use datastore::StoreName;
 use export::manifest::read::read_specification;
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -10,13 +13,17 @@ use std::path::PathBuf;
 /// Print a complete specification, and its hash as a comment
 ///
 /// Prints every field, those too that the file leaves to the preset, and the hash that stands in
-/// every image and manifest row. A Parquet manifest carries the specification of its images.
+/// every image and manifest row. A store has its own, and a Parquet manifest that of its images.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
+    /// The specification of a store instead
+    #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
+          conflicts_with = "spec")]
+    store: Option<StoreName>,
     /// The specification inside a Parquet manifest instead
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["spec", "materials"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["spec", "materials", "store"])]
     manifest: Option<PathBuf>,
 }
 
@@ -24,7 +31,9 @@ pub struct Options {
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = match &options.manifest {
         Some(path) => read_specification(path).map_err(|error| BadInput(error.to_string()))?,
-        None => options.specification.load()?,
+        None => options
+            .specification
+            .load(|| kept(options.store.as_ref()))?,
     };
     write!(
         io::stdout(),
@@ -33,4 +42,15 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         specification.to_toml()
     )?;
     Ok(())
+}
+
+fn kept(store: Option<&StoreName>) -> anyhow::Result<Option<Specification>> {
+    let Some(store) = store else {
+        return Ok(None);
+    };
+    let runtime = Runtime::new()?;
+    let kept = store_name::kept_specification(store, &runtime)?;
+    Ok(Some(kept.ok_or_else(|| {
+        BadInput(format!("--store {store}: there is no store"))
+    })?))
 }

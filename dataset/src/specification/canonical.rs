@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::fmt::Write;
 
 /// The keys that the hash leaves out.
-const UNHASHED_KEYS: [&str; 2] = ["name", "materials"];
+pub(super) const UNHASHED_KEYS: [&str; 2] = ["name", "materials"];
 
 impl Specification {
     /// All of the specification as canonical JSON: deterministic, and [`Self::from_json`] gives the
@@ -56,7 +56,7 @@ impl Specification {
 
 /// JSON with sorted keys and no spaces. It sorts by itself: whether serde_json's maps are sorted
 /// is for other crates' features to decide.
-fn canonical_json(value: &Value) -> String {
+pub(super) fn canonical_json(value: &Value) -> String {
     fn write(text: &mut String, value: &Value) {
         match value {
             Value::Object(fields) => {

@@ -5,6 +5,7 @@
 
 mod canonical;
 mod check;
+mod differences;
 mod error;
 mod fields;
 pub mod limits;
@@ -12,6 +13,7 @@ mod read;
 mod reader;
 mod suggest;
 
+pub use differences::Differences;
 pub use error::{Place, SpecificationError};
 
 use serde::{Deserialize, Serialize};

@@ -2,7 +2,7 @@
 
 use super::{BlobsPlace, SharedStoreError};
 use crate::CopyError;
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use jobstore_postgres::Identity;
 
 /// What a database is about, if it is one of this program's stores.
@@ -46,12 +46,10 @@ pub(super) fn check(
     given: Option<BlobsPlace>,
 ) -> Result<(Specification, BlobsPlace), SharedStoreError> {
     let (mut specification, found) = known(name, Some(kept.clone()))?;
-    let hash = specification.hash();
-    if hash != wanted.hash() {
+    if specification.hash() != wanted.hash() {
         return Err(SharedStoreError::Specification {
             name: name.to_owned(),
-            found: hash,
-            given: wanted.hash(),
+            differences: Differences::between(&specification, wanted),
         });
     }
     if let Some(given) = given

@@ -15,7 +15,7 @@ mod staging;
 mod writing;
 
 use crate::CopyError;
-use dataset::{Digest, RENDERER_VERSION, Specification};
+use dataset::{RENDERER_VERSION, Specification, specification::Differences};
 use identity::{check, check_target, known};
 use imagestore::{
     FileError,
@@ -64,16 +64,14 @@ pub enum SharedStoreError {
     },
     /// It holds another dataset.
     #[error(
-        "{name} holds another dataset: its specification has the hash {found}, the one given has \
-         {given}; choose another database, or the specification it was made with"
+        "{name} holds another dataset ({differences}): choose another database, or the \
+         specification it was made with"
     )]
     Specification {
         /// The database.
         name: String,
-        /// The hash of its specification.
-        found: Digest,
-        /// The hash of the specification given.
-        given: Digest,
+        /// What the given specification has otherwise.
+        differences: Differences,
     },
     /// It was made by another renderer, whose images are not the same.
     #[error(
@@ -174,6 +172,22 @@ impl SharedStore {
     ///
     /// Has to be called inside a runtime.
     pub async fn open(url: &str) -> Result<Self, SharedStoreError> {
+        let (database, specification, place) = Self::kept(url).await?;
+        Self::in_place(database, specification, place).await
+    }
+
+    /// The specification of the store that is there, if one is.
+    ///
+    /// Has to be called inside a runtime.
+    pub async fn kept_specification(url: &str) -> Result<Option<Specification>, SharedStoreError> {
+        match Self::kept(url).await {
+            Err(SharedStoreError::Absent(_)) => Ok(None),
+            kept => Ok(Some(kept?.1)),
+        }
+    }
+
+    /// What is there: the database, its specification and the place of its images.
+    async fn kept(url: &str) -> Result<(Database, Specification, BlobsPlace), SharedStoreError> {
         let database = Database::new(url)?;
         // First without a change: a database that is something else stays what it is.
         match database.snapshot().await {
@@ -181,7 +195,7 @@ impl SharedStore {
             looked => drop(known(database.name(), looked?)?),
         }
         let (specification, place) = known(database.name(), database.open().await?)?;
-        Self::in_place(database, specification, place).await
+        Ok((database, specification, place))
     }
 
     /// Makes a database half of a copy of another store, or goes on with one that is. Nobody else
@@ -337,7 +351,7 @@ mod tests {
         );
 
         // What one stages is safe from the others; what is left of one that is gone is not.
-        let digest = Digest::of(b"image");
+        let digest = dataset::Digest::of(b"image");
         let staged = one.blobs.stage(digest, b"image").unwrap();
         drop(two.blobs.stage(digest, b"image").unwrap());
         drop(two);
