@@ -5,7 +5,7 @@ use crate::coordinator_health;
 use crate::failure::BadInput;
 use crate::plural::count;
 use crate::runtime::Runtime;
-use crate::{shutdown, specification, store_name};
+use crate::{plan, shutdown, specification, store_name};
 use clap::{Args, Subcommand};
 use coordinator::Coordinator;
 use coordinator::security::{Security, Tls};
@@ -157,7 +157,14 @@ async fn serve(
 ) -> anyhow::Result<()> {
     raise_open_files();
     let mut asked = shutdown::flag("calls under way end first")?;
+    let specification = store.specification().clone();
     let coordinator = Coordinator::start(store, for_coordinator).await?;
+    let there = *coordinator.progress().borrow();
+    let views = specification.views.len() as u64;
+    let left = (u64::from(there.counts.materials) * views).saturating_sub(there.images);
+    if left > 0 {
+        writeln!(io::stderr(), "{}", plan::line(&specification, left, None))?;
+    }
     writeln!(io::stdout(), "listening on {}", coordinator.url())?;
     let outcome = tokio::select! {
         () = shutdown::raised(&mut asked) => Ok(()),

@@ -18,6 +18,7 @@ mod jobs;
 mod jobs_resolve;
 mod output;
 mod picture;
+mod plan;
 mod plural;
 mod progress;
 mod render;

@@ -5,7 +5,7 @@ use crate::plural::count;
 use crate::progress::FarmBar;
 use crate::runtime::Runtime;
 use crate::shutdown::Stopped;
-use crate::{cores, shutdown, specification, store_name};
+use crate::{cores, plan, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{Coordinator, Progress, RunningCoordinator};
 use datastore::{AnyStore, BlobsPlace, ReadOnlyStore, StoreName};
@@ -174,7 +174,8 @@ impl Options {
 
 async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::Result<Rendered> {
     let mut asked = shutdown::flag("views under way end first")?;
-    let views = store.specification().views.len() as u64;
+    let specification = store.specification().clone();
+    let views = specification.views.len() as u64;
     let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
     let before = *coordinator.progress().borrow();
     let started = Instant::now();
@@ -187,7 +188,15 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
             stopped: false,
         });
     }
-    let bar = FarmBar::new(u64::from(before.counts.materials) * views, before.images);
+    let images = u64::from(before.counts.materials) * views;
+    let left = images.saturating_sub(before.images);
+    let cores = cores::count(0).min(workers.max(1));
+    writeln!(
+        io::stderr(),
+        "{}",
+        plan::line(&specification, left, Some(cores))
+    )?;
+    let bar = FarmBar::new(images, before.images);
     let (stop, stopping) = watch::channel(false);
     let name = match &options.store {
         StoreName::Folder(_) => "local".to_owned(),

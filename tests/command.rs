@@ -530,3 +530,48 @@ fn every_subcommand_explains_itself() {
         assert!(output.status.success() && text(&output.stdout).contains("brdfarm"));
     }
 }
+
+#[test]
+fn a_store_goes_on_with_its_own_specification() {
+    let folder = tempfile::tempdir().expect("a directory");
+    let folder = folder.path();
+    for (name, width) in [("own", 8), ("other", 9)] {
+        let specification = format!("materials = 2\n[image]\nwidth = {width}\nheight = 8\n");
+        fs::write(folder.join(format!("{name}.toml")), specification).expect("written");
+    }
+    let run = |arguments: &str, code: i32| {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        let output = brdfarm(&arguments, folder);
+        let said = format!("{}{}", text(&output.stderr), text(&output.stdout));
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+        said
+    };
+    let said = run("run --spec own.toml --backend native", 0);
+    let planned = "to render: 2 materials, 28 images of 8 x 8, about 0 MB";
+    assert!(said.starts_with(planned), "{said}");
+    let said = run("run --backend native", 0);
+    assert!(
+        said.starts_with("nothing to do: 28 images of 2 materials"),
+        "{said}"
+    );
+    let said = run("run --backend native --materials 3", 0);
+    assert!(said.contains("rendered 14 images"), "{said}");
+    let said = run(
+        "coordinator serve --listen 127.0.0.1:0 --exit-when-complete",
+        0,
+    );
+    assert!(said.contains("3 of 3 materials complete"), "{said}");
+    let said = run("dataset specification --store store", 0);
+    assert!(
+        said.contains("materials = 3") && said.contains("width = 8"),
+        "{said}"
+    );
+
+    let said = run("run --spec other.toml", 2);
+    assert!(
+        said.contains("image.width: 8 in the store, 9 given"),
+        "{said}"
+    );
+    let said = run("dataset specification --store nowhere", 2);
+    assert!(said.contains("there is no store"), "{said}");
+}
