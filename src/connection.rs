@@ -3,6 +3,7 @@
 use crate::failure::BadInput;
 use anyhow::Context;
 use clap::Args;
+use datastore::Holder;
 use proto::{
     ControlClient, HealthClient,
     client::{self, Credentials, with_deadline},
@@ -14,6 +15,12 @@ use tonic::{Code, Request, Response, Status};
 
 /// The largest token or certificate file, bytes.
 const CREDENTIAL_BYTES_MAX: u64 = 64 << 10;
+
+/// Where a coordinator listens that was told nothing else.
+const COORDINATOR_DEFAULT: &str = "http://127.0.0.1:7117";
+
+/// The folder of a store that was given no other.
+const STORE_DEFAULT: &str = "store";
 
 /// Whom a client believes and what it shows.
 #[derive(Clone, Debug, Args)]
@@ -29,14 +36,10 @@ pub struct CredentialOptions {
 /// Which coordinator a command speaks to.
 #[derive(Clone, Debug, Args)]
 pub struct CoordinatorOptions {
-    /// The coordinator
-    #[arg(
-        long = "coordinator",
-        value_name = "URL",
-        default_value = "http://127.0.0.1:7117",
-        env = "BRDFARM_COORDINATOR"
-    )]
-    url: String,
+    /// The coordinator [default: whoever serves the store in the folder `store`, else
+    /// http://127.0.0.1:7117]
+    #[arg(long = "coordinator", value_name = "URL", env = "BRDFARM_COORDINATOR")]
+    url: Option<String>,
     #[command(flatten)]
     credentials: CredentialOptions,
 }
@@ -74,8 +77,19 @@ impl CredentialOptions {
 
 impl CoordinatorOptions {
     /// The coordinator's URL.
-    pub fn url(&self) -> &str {
-        &self.url
+    pub fn url(&self) -> String {
+        let served = || Holder::of(Path::new(STORE_DEFAULT)).map(|holder| holder.url);
+        let url = self.url.clone().or_else(served);
+        url.unwrap_or_else(|| COORDINATOR_DEFAULT.to_owned())
+    }
+
+    /// The same options for whoever serves a store, unless a URL was given.
+    pub fn of(&self, holder: &Holder) -> Self {
+        let url = self.url.clone().unwrap_or_else(|| holder.url.clone());
+        Self {
+            url: Some(url),
+            ..self.clone()
+        }
     }
 
     /// What is shown to the coordinator, and whom to believe.
@@ -107,13 +121,13 @@ impl CoordinatorOptions {
     /// A client; has to be called inside a runtime.
     pub fn connect(&self) -> anyhow::Result<ControlClient> {
         let credentials = self.credentials.load()?;
-        Ok(client::control(&self.url, &credentials).map_err(BadInput)?)
+        Ok(client::control(&self.url(), &credentials).map_err(BadInput)?)
     }
 
     /// A client of the health service; has to be called inside a runtime.
     pub fn connect_health(&self) -> anyhow::Result<HealthClient> {
         let credentials = self.credentials.load()?;
-        Ok(client::health(&self.url, &credentials).map_err(BadInput)?)
+        Ok(client::health(&self.url(), &credentials).map_err(BadInput)?)
     }
 
     /// What a status means for whoever called.
@@ -122,7 +136,7 @@ impl CoordinatorOptions {
         match status.code() {
             Code::InvalidArgument => BadInput(message.to_owned()).into(),
             Code::Unavailable | Code::DeadlineExceeded | Code::Unknown => {
-                anyhow::anyhow!("the coordinator {} does not answer: {message}", self.url)
+                anyhow::anyhow!("the coordinator {} does not answer: {message}", self.url())
             }
             _ => anyhow::anyhow!("{message}"),
         }

@@ -49,7 +49,7 @@ async fn resolve(options: &Resolve) -> anyhow::Result<Summary> {
         resolves_disputes: true,
         ..worker::Options::default()
     };
-    let urls = [options.coordinator.url().to_owned()];
+    let urls = [options.coordinator.url()];
     let connecting = Worker::connect(&urls, worker_options, |specification| {
         RendererBackend::new(specification, BackendChoice::Auto)
             .map_err(|error| RenderFailure(error.to_string()))

@@ -1,15 +1,18 @@
 //! `brdfarm render`: one view of one material.
 
 use crate::failure::BadInput;
-use crate::{cores, output, picture, specification};
+use crate::plural::count;
+use crate::{cores, output, picture, specification, store_name};
 use clap::Args;
 use dataset::{
     Digest, Material,
     specification::{Accuracy, IntegratorKind, limits},
 };
+use datastore::StoreName;
 use export::file::write_bytes;
 use renderer::{Renderer, Rendering, geometry::BackendChoice};
 use serde::Serialize;
+use serde_json::{Map, Value};
 use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -26,6 +29,10 @@ const MATERIAL_FILE_BYTES_MAX: u64 = 1 << 16;
 pub struct Options {
     #[command(flatten)]
     specification: specification::SpecificationOptions,
+    /// The store whose specification is meant
+    #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
+          conflicts_with = "spec")]
+    store: Option<StoreName>,
     /// The set's seed [default: the specification's]
     #[arg(long, conflicts_with = "material_file",
           value_parser = clap::value_parser!(u64).range(limits::SEED))]
@@ -33,7 +40,8 @@ pub struct Options {
     /// The material's index in the set, counted from 0
     #[arg(long, value_name = "INDEX", required_unless_present = "material_file")]
     material: Option<u32>,
-    /// A material as JSON: roughness, anisotropy, angle_deg, ior, rgb0, rgb90 (linear)
+    /// A material as JSON: roughness, anisotropy, angle_deg, ior, rgb0, rgb90 (linear); or a row of a
+    /// manifest
     #[arg(long, value_name = "FILE", conflicts_with = "material")]
     material_file: Option<PathBuf>,
     /// The view's number in the specification, counted from 0
@@ -69,7 +77,10 @@ pub struct Options {
 
 /// Renders, checks and writes.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
-    let mut specification = options.specification.load()?;
+    let mut specification = match &options.store {
+        Some(store) => store_name::specification_of(store)?,
+        None => options.specification.load()?,
+    };
     if let Some(seed) = options.seed {
         specification.seed = seed;
     }
@@ -78,6 +89,16 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         (None, Some(index)) => specification.material(index).material,
         (None, None) => unreachable!("the command line requires one of both"),
     };
+    if let Some(index) = options
+        .material
+        .filter(|index| *index >= specification.materials)
+    {
+        writeln!(
+            io::stderr(),
+            "note: material {index} is beyond the {} of this set",
+            count(specification.materials, "material")
+        )?;
+    }
     let kind = options.out.as_deref().map(output_kind).transpose()?;
     check_error_out(options)?;
     if options.view as usize >= specification.views.len() {
@@ -235,5 +256,24 @@ fn read_material(path: &Path) -> Result<Material, BadInput> {
             "a material has at most {MATERIAL_FILE_BYTES_MAX} bytes, but this is larger"
         )));
     }
-    Material::from_json(&text).map_err(|error| wrong(&error))
+    let material = from_row(&text).unwrap_or(text);
+    Material::from_json(&material).map_err(|error| wrong(&error))
+}
+
+/// The material of a manifest's row, which has its colours under other names, and more; `None` where
+/// it is no row.
+fn from_row(text: &[u8]) -> Option<Vec<u8>> {
+    let row: Map<String, Value> = serde_json::from_slice(text).ok()?;
+    let mut material = Map::new();
+    for (key, column) in [
+        ("roughness", "roughness"),
+        ("anisotropy", "anisotropy"),
+        ("angle_deg", "angle_deg"),
+        ("ior", "ior"),
+        ("rgb0", "rgb0_linear"),
+        ("rgb90", "rgb90_linear"),
+    ] {
+        material.insert(key.to_owned(), row.get(column)?.clone());
+    }
+    serde_json::to_vec(&material).ok()
 }

@@ -1,6 +1,5 @@
 //! Which specification a command works on.
 
-use crate::failure::BadInput;
 use clap::Args;
 use dataset::{Specification, specification::limits};
 use std::path::PathBuf;
@@ -32,8 +31,17 @@ pub struct SetOptions {
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
     /// How many materials the set has [default: as many as the specification says]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = materials)]
     materials: Option<u32>,
+}
+
+fn materials(text: &str) -> Result<u32, String> {
+    let number = text.parse().ok();
+    let number = number.filter(|number| limits::MATERIALS.contains(number));
+    number.ok_or_else(|| {
+        let (fewest, most) = (limits::MATERIALS.start(), limits::MATERIALS.end());
+        format!("a set has {fewest} to {most} materials")
+    })
 }
 
 impl SetOptions {
@@ -48,14 +56,6 @@ impl SetOptions {
             None => kept()?.unwrap_or_else(Specification::preset),
         };
         if let Some(materials) = self.materials {
-            if !limits::MATERIALS.contains(&materials) {
-                return Err(BadInput(format!(
-                    "--materials {materials}: a set has {} to {} materials",
-                    limits::MATERIALS.start(),
-                    limits::MATERIALS.end()
-                ))
-                .into());
-            }
             specification.materials = materials;
         }
         Ok(specification)

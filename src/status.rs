@@ -2,7 +2,9 @@
 
 use crate::connection::CoordinatorOptions;
 use crate::plural::{count, time};
+use crate::store_name;
 use clap::Args;
+use datastore::{Holder, ReadOnlyStore, StoreName};
 use proto::{ControlClient, Mode, StatusRequest, StatusResponse, client::with_deadline};
 use serde_json::{Value, json};
 use std::io::{self, IsTerminal, Write};
@@ -17,6 +19,11 @@ use tonic::{Request, Response};
 pub struct Options {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
+    /// The store that is meant: whoever serves it here is asked, and where nobody does the store tells
+    /// what is in it
+    #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
+          conflicts_with = "url")]
+    store: Option<StoreName>,
     /// Show it again and again, until nothing is left to do
     #[arg(long)]
     watch: bool,
@@ -35,19 +42,26 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         client.status(request).await
     };
     let mut out = io::stdout();
+    let coordinator = match &options.store {
+        None => options.coordinator.clone(),
+        Some(store) => match store.folder().and_then(Holder::of) {
+            Some(holder) => options.coordinator.of(&holder),
+            None => return show_store(store, options.json, &mut out),
+        },
+    };
     if !options.watch {
-        let status = options.coordinator.call(StatusRequest {}, method)?;
+        let status = coordinator.call(StatusRequest {}, method)?;
         return show(&status, options.json, &mut out);
     }
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()?;
     runtime.block_on(async {
-        let mut client = options.coordinator.connect()?;
+        let mut client = coordinator.connect()?;
         loop {
             let status = client.status(with_deadline(StatusRequest {})).await;
             let status = status.map(Response::into_inner);
-            let status = status.map_err(|status| options.coordinator.error(&status))?;
+            let status = status.map_err(|status| coordinator.error(&status))?;
             if out.is_terminal() && !options.json {
                 // Back to the top left corner, and an empty screen.
                 write!(out, "\x1b[H\x1b[2J")?;
@@ -59,6 +73,37 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             tokio::time::sleep(Duration::from_secs(options.interval)).await;
         }
     })
+}
+
+/// What a store says of itself while nobody in reach serves it.
+fn show_store(name: &StoreName, json: bool, out: &mut impl Write) -> anyhow::Result<()> {
+    let store = ReadOnlyStore::open(name)?;
+    let specification = store.specification();
+    let completed = specification.materials - store.materials_missing();
+    let images = u64::from(completed) * specification.views.len() as u64;
+    if json {
+        let told = json!({
+            "name": specification.name,
+            "specification_hash": store.specification_hash().to_string(),
+            "mode": "not_served",
+            "finished": store.materials_missing() == 0,
+            "views": specification.views.len(),
+            "materials": specification.materials,
+            "completed": completed,
+            "images": images,
+        });
+        writeln!(out, "{told}")?;
+        return Ok(());
+    }
+    let state = match store.materials_missing() {
+        0 => "complete",
+        _ => "not served: `brdfarm run` or a coordinator goes on with it",
+    };
+    writeln!(out, "{} ({state})", specification.name)?;
+    let materials = specification.materials;
+    writeln!(out, "materials   {completed} of {materials} complete")?;
+    writeln!(out, "images      {images}")?;
+    Ok(())
 }
 
 fn show(status: &StatusResponse, json: bool, out: &mut impl Write) -> anyhow::Result<()> {

@@ -1,5 +1,6 @@
 //! A store on the command line: a folder, or a PostgreSQL database.
 
+use crate::failure::BadInput;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use dataset::Specification;
 use datastore::{AnyStore, BlobsPlace, SharedStore, Store, StoreError, StoreName};
@@ -22,6 +23,13 @@ pub fn kept_specification(
         StoreName::Database(url) => runtime.block_on(SharedStore::kept_specification(url))?,
         StoreName::Folder(path) => Store::kept_specification(path)?,
     })
+}
+
+/// The specification of a store that has to be there.
+pub fn specification_of(name: &StoreName) -> anyhow::Result<Specification> {
+    let runtime = Runtime::new()?;
+    let kept = kept_specification(name, &runtime)?;
+    Ok(kept.ok_or_else(|| BadInput(format!("--store {name}: there is no store")))?)
 }
 
 /// Opens a store for a coordinator, or makes one. Has to be called outside of `runtime`: a store in

@@ -3,12 +3,14 @@
 use crate::connection::CoordinatorOptions;
 use crate::plural::count;
 use clap::{Args, Subcommand};
+use jobqueue::identity;
 use proto::{
-    BarWorkerRequest, ControlClient, ListWorkersRequest, UnbarWorkerRequest, WorkerDetail,
+    BarWorkerRequest, ControlClient, ListWorkersRequest, ListWorkersResponse, UnbarWorkerRequest,
+    WorkerDetail,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
-use tonic::Request;
+use tonic::{Request, Response, Status};
 
 /// What can be done with workers.
 #[derive(Debug, Subcommand)]
@@ -61,10 +63,9 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
 }
 
 fn list(options: &List) -> anyhow::Result<()> {
-    let method = async |mut client: ControlClient, request: Request<ListWorkersRequest>| {
-        client.list_workers(request).await
-    };
-    let answer = options.coordinator.call(ListWorkersRequest {}, method)?;
+    let answer = options
+        .coordinator
+        .call(ListWorkersRequest {}, list_workers)?;
     let mut out = io::stdout();
     for worker in &answer.workers {
         if options.json {
@@ -84,14 +85,36 @@ fn block(options: &Block) -> anyhow::Result<()> {
     let method = async |mut client: ControlClient, request: Request<BarWorkerRequest>| {
         client.bar_worker(request).await
     };
+    let known = options
+        .coordinator
+        .call(ListWorkersRequest {}, list_workers)?;
+    let mut known = known.workers.iter();
+    let is_known = known.any(|worker| means(&options.name, &worker.name));
     let answer = options.coordinator.call(message, method)?;
-    let leases = count(answer.leases_taken_back, "lease");
-    writeln!(
-        io::stdout(),
-        "{} is blocked; {leases} taken back",
-        options.name
-    )?;
+    let mut out = io::stdout();
+    if is_known {
+        let leases = count(answer.leases_taken_back, "lease");
+        writeln!(out, "{} is blocked; {leases} taken back", options.name)?;
+    } else {
+        let name = &options.name;
+        writeln!(
+            out,
+            "{name} is blocked; no worker of that name is here: is it right?"
+        )?;
+    }
     Ok(())
+}
+
+/// Whether an operator who says `said` means the worker of a full name.
+fn means(said: &str, full_name: &str) -> bool {
+    said == full_name || identity::credential(full_name) == Some(said)
+}
+
+async fn list_workers(
+    mut client: ControlClient,
+    request: Request<ListWorkersRequest>,
+) -> Result<Response<ListWorkersResponse>, Status> {
+    client.list_workers(request).await
 }
 
 fn unblock(options: &Unblock) -> anyhow::Result<()> {

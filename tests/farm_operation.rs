@@ -116,6 +116,12 @@ fn a_farm_obeys_its_commands() {
         "hand is blocked; 0 leases taken back\n"
     );
     assert!(farm.say("workers list").contains("blocked: dust"));
+    let stranger = farm.say("workers block hnad");
+    assert!(
+        stranger.contains("no worker of that name is here"),
+        "{stranger}"
+    );
+    farm.say("workers unblock hnad");
     farm.say("resume");
     std::thread::sleep(Duration::from_millis(300));
     assert_eq!(farm.status()["completed"], 0, "its only worker is blocked");

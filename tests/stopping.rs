@@ -142,3 +142,27 @@ fn without_a_terminal_a_line_now_and_then_says_how_far_it_is() {
     run.signal("KILL");
     run.ended(PATIENCE);
 }
+
+#[test]
+fn status_finds_a_run_and_a_second_run_is_told_of_it() {
+    let folder = folder();
+    let folder = folder.path();
+    let run = start(folder, RUN);
+    wait_until("a job", || said(folder).contains("leased"));
+    let answer = |arguments: &str| {
+        let output = command(folder, arguments).output().expect("it runs");
+        let both = [output.stdout, output.stderr].concat();
+        String::from_utf8(both).expect("text")
+    };
+    for arguments in ["status", "status --store store"] {
+        let told = answer(arguments);
+        assert!(told.contains("0 of 3 complete, "), "{told}");
+        assert!(told.contains("workers     2"), "{told}");
+    }
+    let told = answer("run --spec endless.toml");
+    let holder = format!("is in use by process {}", run.id());
+    assert!(told.contains(&holder), "{told}");
+    run.kill();
+    let told = answer("status --store store");
+    assert!(told.contains("not served"), "{told}");
+}

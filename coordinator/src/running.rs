@@ -18,10 +18,16 @@ use dataset::{
     Specification,
     specification::{Image, Pixel},
 };
-use datastore::AnyStore;
+use datastore::{AnyStore, Holder};
 use imagestore::FileError;
 use jobstore::JobStoreError;
-use std::{error::Error as _, fs::File, io, net::SocketAddr, sync::Arc};
+use std::{
+    error::Error as _,
+    fs::File,
+    io,
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr},
+    sync::Arc,
+};
 use thiserror::Error;
 use tokio::{
     net::TcpListener,
@@ -175,12 +181,19 @@ impl Coordinator {
             Some(_) => "https",
             None => "http",
         };
+        let url = format!("{scheme}://{}", reached_here(address));
+        let is_own = matches!(store, AnyStore::Own(_));
         let (stop, stopping) = watch::channel(false);
         let mut supervisor = supervisor(&options, stopping.clone());
         let (farm, lock) = Farm::start(store, &options, metrics, stopping.clone(), &mut supervisor)
             .await
             .map_err(|error| CoordinatorError::Store(error.to_string()))?;
         let farm = Arc::new(farm);
+        if let Some(lock) = lock.as_ref().filter(|_| is_own)
+            && let Err(error) = Holder::here(url).announce(lock)
+        {
+            tracing::warn!(%error, "`brdfarm status --store` will not find this coordinator");
+        }
         if let Some(listener) = metrics_listener {
             let metrics = serve_metrics(Arc::clone(&farm), listener, stopping.clone());
             supervisor.spawn("metrics", metrics);
@@ -337,6 +350,16 @@ fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, C
         })?;
     }
     Ok(server.layer(Guard::new(security.tokens.clone(), metrics)))
+}
+
+/// Where this machine reaches an address that may stand for all of its own.
+fn reached_here(address: SocketAddr) -> SocketAddr {
+    let ip = match address.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(ip) if ip.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        ip => ip,
+    };
+    SocketAddr::new(ip, address.port())
 }
 
 async fn serve(

@@ -1,7 +1,7 @@
 //! What makes a folder a store: which dataset it is of, and where its images are.
 
 use super::StoreError;
-use crate::CopyError;
+use crate::{CopyError, Holder};
 use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use imagestore::{
     FileError,
@@ -70,7 +70,12 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
             Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < limits::STORE_LOCK_WAIT => {
                 thread::sleep(limits::STORE_LOCK_PAUSE);
             }
-            Err(rustix::io::Errno::WOULDBLOCK) => return Err(StoreError::Locked(store.to_owned())),
+            Err(rustix::io::Errno::WOULDBLOCK) => {
+                return Err(StoreError::Locked {
+                    path: store.to_owned(),
+                    holder: Holder::of(store),
+                });
+            }
             Err(error) => return Err(FileError::new("lock", &path)(error.into()).into()),
         }
     }
@@ -362,7 +367,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let held = acquire(folder.path()).unwrap();
         let refused = acquire(folder.path());
-        assert!(matches!(refused, Err(StoreError::Locked(_))));
+        assert!(matches!(refused, Err(StoreError::Locked { .. })));
         let ending = thread::spawn(move || {
             thread::sleep(limits::STORE_LOCK_WAIT / 4);
             drop(held);

@@ -2,6 +2,7 @@
 //!
 //! | module | what |
 //! | --- | --- |
+//! | `holder` | who has a folder's store open, and where it is served |
 //! | `name` | which store is meant: a folder, or a PostgreSQL database |
 //! | `identity` | what makes a folder a store, and whose images it has |
 //! | `folder` | a store in a folder, open for the one process that writes |
@@ -34,6 +35,7 @@ mod any_store;
 mod copy_error;
 mod folder;
 pub mod garbage;
+mod holder;
 mod identity;
 mod name;
 mod reading;
@@ -45,6 +47,7 @@ mod writable;
 pub use any_store::AnyStore;
 pub use copy_error::CopyError;
 pub use folder::Store;
+pub use holder::Holder;
 pub use identity::{begin_copy, end_copy, log_path};
 pub use name::StoreName;
 pub use reading::check_read;
@@ -78,10 +81,16 @@ pub enum StoreError {
     },
     /// Another process writes to it.
     #[error(
-        "another coordinator is using the store {}: wait until it ends, or choose another store",
-        .0.display()
+        "the store {} is in use by {}: wait until it ends, or choose another store",
+        path.display(),
+        holder.as_ref().map_or("another process".to_owned(), Holder::to_string)
     )]
-    Locked(PathBuf),
+    Locked {
+        /// The store.
+        path: PathBuf,
+        /// Who, where it says so.
+        holder: Option<Holder>,
+    },
     /// It holds another dataset.
     #[error(
         "the store {} holds another dataset ({differences}): choose another store, or the \

@@ -5,6 +5,7 @@ use crate::plural::count;
 use clap::{Args, Subcommand, ValueEnum};
 use datastore::ReadOnlyStore;
 use export::manifest::{self, export};
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -25,8 +26,8 @@ pub struct Options {
     /// How the manifest is written
     #[arg(long, value_enum)]
     format: Format,
-    /// Where to write [default: manifest.jsonl, .csv or .parquet in the store's folder; in this one
-    /// where it is a database]
+    /// Where to write, - for standard output [default: manifest.jsonl, .csv or .parquet in the store's
+    /// folder; in this one where it is a database]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Write the manifest although materials are missing
@@ -53,6 +54,7 @@ pub fn execute(Command::Export(options): &Command) -> anyhow::Result<()> {
     };
     let store = ReadOnlyStore::open(&options.store.store)?;
     let path = match &options.out {
+        Some(path) if path == Path::new("-") => return to_stdout(&store, format, options.partial),
         Some(path) => path.clone(),
         None => {
             let folder = store.name().folder().unwrap_or(Path::new(""));
@@ -67,5 +69,19 @@ pub fn execute(Command::Export(options): &Command) -> anyhow::Result<()> {
         write!(out, ", {missing} missing")?;
     }
     writeln!(out)?;
+    Ok(())
+}
+
+/// Writes the manifest to standard output once it is whole, and what is to be said of it to standard
+/// error.
+fn to_stdout(store: &ReadOnlyStore, format: manifest::Format, partial: bool) -> anyhow::Result<()> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("manifest");
+    let exported = export(store, format, partial, &path)?;
+    io::copy(&mut File::open(&path)?, &mut io::stdout())?;
+    if exported.materials_missing > 0 {
+        let missing = count(exported.materials_missing, "material");
+        writeln!(io::stderr(), "{missing} missing")?;
+    }
     Ok(())
 }

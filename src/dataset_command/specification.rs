@@ -1,10 +1,8 @@
 //! `brdfarm dataset specification`.
 
 use crate::failure::BadInput;
-use crate::runtime::Runtime;
 use crate::{specification, store_name};
 use clap::Args;
-use dataset::Specification;
 use datastore::StoreName;
 use export::manifest::read::read_specification;
 use std::io::{self, Write};
@@ -31,9 +29,10 @@ pub struct Options {
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let specification = match &options.manifest {
         Some(path) => read_specification(path).map_err(|error| BadInput(error.to_string()))?,
-        None => options
-            .specification
-            .load(|| kept(options.store.as_ref()))?,
+        None => options.specification.load(|| {
+            let store = options.store.as_ref();
+            store.map(store_name::specification_of).transpose()
+        })?,
     };
     write!(
         io::stdout(),
@@ -42,15 +41,4 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         specification.to_toml()
     )?;
     Ok(())
-}
-
-fn kept(store: Option<&StoreName>) -> anyhow::Result<Option<Specification>> {
-    let Some(store) = store else {
-        return Ok(None);
-    };
-    let runtime = Runtime::new()?;
-    let kept = store_name::kept_specification(store, &runtime)?;
-    Ok(Some(kept.ok_or_else(|| {
-        BadInput(format!("--store {store}: there is no store"))
-    })?))
 }

@@ -6,7 +6,7 @@ use crate::plural::count;
 use crate::{cores, progress};
 use clap::Args;
 use datastore::ReadOnlyStore;
-use datastore::verify::{Checks, Fault, Report, verify};
+use datastore::verify::{Checks, Fault, FaultKind, Report, verify};
 use export::file::write_bytes;
 use export::manifest::check::{RowFault, check_manifest};
 use imagestore::FileError;
@@ -71,7 +71,10 @@ fn parse_share(text: &str) -> Result<f64, String> {
         .and_then(|number| number.parse().ok())
         .filter(|percent| (0.0..=100.0).contains(percent))
         .map(|percent: f64| percent / 100.0)
-        .ok_or_else(|| "a share is 0% to 100%".to_owned())
+        .ok_or_else(|| match text.parse::<f64>() {
+            Ok(_) => format!("a share is 0% to 100%: write {text}%"),
+            Err(_) => "a share is 0% to 100%".to_owned(),
+        })
 }
 
 impl CheckOptions {
@@ -160,13 +163,29 @@ fn look(store: &ReadOnlyStore, checks: &Checks<'_>) -> Result<Report, FileError>
     report
 }
 
-/// Lists faults, as many as a person reads.
+/// Lists faults, as many as a person reads; materials that are not complete in one line.
 pub fn list(faults: &[Fault], out: &mut impl Write) -> io::Result<()> {
-    for fault in faults.iter().take(FAULTS_SHOWN_MAX) {
+    let (incomplete, others): (Vec<&Fault>, Vec<&Fault>) = faults
+        .iter()
+        .partition(|fault| fault.kind == FaultKind::Incomplete);
+    if let [first, .., last] = incomplete[..] {
+        writeln!(
+            out,
+            "materials {} to {}: {} of them are not complete",
+            first.material,
+            last.material,
+            incomplete.len()
+        )?;
+    } else {
+        incomplete
+            .iter()
+            .try_for_each(|fault| writeln!(out, "{fault}"))?;
+    }
+    for fault in others.iter().take(FAULTS_SHOWN_MAX) {
         writeln!(out, "{fault}")?;
     }
-    if faults.len() > FAULTS_SHOWN_MAX {
-        writeln!(out, "and {} more", faults.len() - FAULTS_SHOWN_MAX)?;
+    if others.len() > FAULTS_SHOWN_MAX {
+        writeln!(out, "and {} more", others.len() - FAULTS_SHOWN_MAX)?;
     }
     Ok(())
 }

@@ -157,7 +157,7 @@ fn a_store_that_somebody_is_at_work_on_is_not_copied() {
     assert!(said.contains("a copy of itself"), "{said}");
     let (coordinator, _) = place.coordinator("folder", "");
     let said = place.refuse("store migrate folder copy", 1);
-    assert!(said.contains("another coordinator is using"), "{said}");
+    assert!(said.contains("folder is in use by process"), "{said}");
     coordinator.kill();
 
     let database = place.database();

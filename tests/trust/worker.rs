@@ -80,14 +80,16 @@ impl Puppet {
                 Err(status) if status.code() == Code::Unavailable => return End::Finished,
                 Err(status) => panic!("{name}: {status}"),
             };
-            if leased.finished {
+            let is_blocked = !leased.barred.is_empty();
+            if leased.finished || is_blocked {
                 let message = DeregisterRequest { worker_id };
                 // The coordinator may end before it hears of it.
                 drop(client.deregister(with_deadline(message)).await);
-                return End::Finished;
-            }
-            if !leased.barred.is_empty() {
-                return End::Blocked;
+                return if is_blocked {
+                    End::Blocked
+                } else {
+                    End::Finished
+                };
             }
             for job in leased.jobs {
                 tokio::time::sleep(RENDERING).await;

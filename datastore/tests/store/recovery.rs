@@ -138,7 +138,7 @@ fn a_store_has_one_writer() {
     let specification = small_specification(2);
     let store = Store::open_or_create(folder.path(), &specification).unwrap();
     let second = Store::open_or_create(folder.path(), &specification);
-    assert!(matches!(second, Err(StoreError::Locked(_))));
+    assert!(matches!(second, Err(StoreError::Locked { .. })));
     assert!(ReadOnlyStore::open(folder.path()).is_ok());
     drop(store);
     assert!(Store::open(folder.path()).is_ok());

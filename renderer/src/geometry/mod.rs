@@ -71,16 +71,20 @@ impl Geometry {
     ///
     /// If a primitive is not finite, of no extent or skewed; if there are more than
     /// [`PRIMITIVES_MAX`]; if Embree, or an instruction set, was asked for by name and cannot be
-    /// used.
+    /// used; if `EMBREE_LIBRARY` names one that cannot be, unless native tracing was asked for.
     pub fn new(primitives: Vec<Primitive>, choice: BackendChoice) -> Result<Self, GeometryError> {
         let primitives = checked(primitives)?;
         let scene = match choice {
             BackendChoice::Native => None,
             BackendChoice::Embree => Some(Scene::new(Arc::clone(&primitives), None)?),
             BackendChoice::EmbreeOn(isa) => Some(Scene::new(Arc::clone(&primitives), Some(isa))?),
-            BackendChoice::Auto if primitives.len() < EMBREE_PRIMITIVES_MIN => None,
+            BackendChoice::Auto if primitives.len() < EMBREE_PRIMITIVES_MIN => {
+                embree::check_named()?;
+                None
+            }
             BackendChoice::Auto => match Scene::new(Arc::clone(&primitives), None) {
                 Ok(scene) => Some(scene),
+                Err(error @ EmbreeError::Named { .. }) => return Err(error.into()),
                 Err(error) => {
                     warn_once(&error);
                     None

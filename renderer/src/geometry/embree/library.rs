@@ -1,7 +1,7 @@
 //! Finding the shared library, loading it once, and refusing one that does not fit.
 
 use std::error::Error;
-use std::ffi::{CStr, c_char, c_int, c_uint, c_void};
+use std::ffi::{CStr, OsString, c_char, c_int, c_uint, c_void};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::{env, ptr};
@@ -79,14 +79,24 @@ functions! {
 pub fn functions() -> Result<&'static Functions, EmbreeError> {
     static FUNCTIONS: OnceLock<Result<Functions, EmbreeError>> = OnceLock::new();
     FUNCTIONS
-        .get_or_init(
-            || match env::var_os("EMBREE_LIBRARY").filter(|path| !path.is_empty()) {
-                Some(path) => load_named(Path::new(&path)),
-                None => load_first(&candidates()),
-            },
-        )
+        .get_or_init(|| match named() {
+            Some(path) => load_named(Path::new(&path)),
+            None => load_first(&candidates()),
+        })
         .as_ref()
         .map_err(EmbreeError::clone)
+}
+
+/// Whether the library that the environment names, if it names one, can be used.
+pub fn check_named() -> Result<(), EmbreeError> {
+    match named() {
+        Some(_) => functions().map(drop),
+        None => Ok(()),
+    }
+}
+
+fn named() -> Option<OsString> {
+    env::var_os("EMBREE_LIBRARY").filter(|path| !path.is_empty())
 }
 
 fn load_named(path: &Path) -> Result<Functions, EmbreeError> {

@@ -21,4 +21,5 @@ mod scene;
 
 pub use device::{Isa, UnknownIsa};
 pub use error::EmbreeError;
+pub(crate) use library::check_named;
 pub(crate) use scene::Scene;
