@@ -94,6 +94,7 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
             cause.downcast_ref(),
             Some(
                 ExportError::NoSuchView { .. }
+                    | ExportError::NoMaterial(_)
                     | ExportError::Occupied { .. }
                     | ExportError::OtherTable { .. }
                     | ExportError::Rectify(_)

@@ -1,6 +1,6 @@
 //! Why nothing was exported.
 
-use crate::{manifest::error::ManifestError, rectify::RectifyError};
+use crate::{condition::Condition, manifest::error::ManifestError, rectify::RectifyError};
 use datastore::StoreName;
 use imagestore::FileError;
 use std::path::PathBuf;
@@ -22,6 +22,9 @@ pub enum ExportError {
         /// Materials that are wanted.
         materials: u32,
     },
+    /// Nothing is left.
+    #[error("no material of the set fulfils `{0}`")]
+    NoMaterial(Condition),
     /// A view is wanted that the specification does not have.
     #[error("there is no view {view}: there are {count}, counted from 0")]
     NoSuchView {

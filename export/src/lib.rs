@@ -18,6 +18,7 @@
 //! order of threads. Never imports the renderer.
 
 pub mod card;
+pub mod condition;
 pub mod diff;
 mod error;
 pub mod file;

@@ -1,22 +1,24 @@
 //! Which materials and views leave.
 
-use crate::error::ExportError;
-use dataset::{CompletedView, Split, manifest::Row};
+use crate::{condition::Condition, error::ExportError};
+use dataset::{CompletedView, Specification, Split, manifest::Row};
 use datastore::ReadOnlyStore;
 
 /// What is wanted of a store.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Selection {
     /// The views; all where there is no list. Order and repetition mean nothing.
     pub views: Option<Vec<u32>>,
     /// The split; all where there is none.
     pub split: Option<Split>,
+    /// What holds for the materials; all where there is none.
+    pub condition: Option<Condition>,
     /// Take what is complete, where not everything is.
     pub partial: bool,
 }
 
 /// What is there of it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Chosen {
     /// Complete materials, in order.
     pub materials: Vec<u32>,
@@ -24,6 +26,8 @@ pub struct Chosen {
     pub views: Vec<u32>,
     /// Materials wanted that are not complete.
     pub materials_missing: u32,
+    /// What holds for the materials.
+    pub condition: Option<Condition>,
 }
 
 /// An image with its row.
@@ -38,10 +42,19 @@ pub struct ChosenImage {
 }
 
 impl Selection {
+    /// Whether a material is wanted, complete or not.
+    pub fn wants(&self, specification: &Specification, material: u32) -> bool {
+        let split = specification.split(material);
+        let of_split = self.split.is_none_or(|wanted| wanted == split);
+        let holds =
+            |condition: &Condition| condition.holds(&specification.material(material), split);
+        of_split && self.condition.as_ref().is_none_or(holds)
+    }
+
     /// Looks up what a store has of it.
     ///
     /// # Errors
-    /// When a view does not exist, or materials are missing and a part is not enough.
+    /// When a view does not exist, no material is wanted, or materials are missing and a part is not enough.
     pub fn choose(&self, store: &ReadOnlyStore) -> Result<Chosen, ExportError> {
         let specification = store.specification();
         let count = specification.views.len();
@@ -55,11 +68,11 @@ impl Selection {
             return Err(ExportError::NoSuchView { view, count });
         }
         let wanted: Vec<u32> = (0..specification.materials)
-            .filter(|&material| {
-                self.split
-                    .is_none_or(|split| split == specification.split(material))
-            })
+            .filter(|&material| self.wants(specification, material))
             .collect();
+        if let Some(condition) = self.condition.as_ref().filter(|_| wanted.is_empty()) {
+            return Err(ExportError::NoMaterial(condition.clone()));
+        }
         let materials: Vec<u32> = wanted
             .iter()
             .copied()
@@ -77,6 +90,7 @@ impl Selection {
             materials,
             views,
             materials_missing,
+            condition: self.condition.clone(),
         })
     }
 }

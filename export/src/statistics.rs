@@ -1,6 +1,7 @@
 //! What is in a store, in numbers: counts, parameters, errors, and brightness if asked for.
 
 use crate::{
+    condition::Condition,
     error::ExportError,
     selection::{Chosen, Selection},
 };
@@ -12,7 +13,7 @@ use serde::Serialize;
 /// Below it in every channel a pixel is dark, in units of white.
 pub const DARK: f32 = 0.01;
 
-/// A whole store.
+/// A whole store, or some of its materials.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
     /// The dataset's name.
@@ -80,18 +81,20 @@ pub struct Brightness {
     pub brightest: f32,
 }
 
-/// Counts and measures the complete materials of a store; reads the images themselves only for
+/// Counts and measures the complete materials of a store, those that a condition holds for; reads the images themselves only for
 /// `pixels`. `progress` is told how many materials were looked at.
 ///
 /// # Errors
 /// When a record or an image cannot be read.
 pub fn statistics(
     store: &ReadOnlyStore,
+    condition: Option<Condition>,
     pixels: bool,
     progress: &dyn Fn(u64),
 ) -> Result<Statistics, ExportError> {
     let selection = Selection {
         partial: true,
+        condition,
         ..Selection::default()
     };
     let chosen = selection.choose(store)?;
@@ -105,7 +108,7 @@ pub fn statistics(
         dataset: specification.name.clone(),
         specification: store.specification_hash(),
         renderer_version: RENDERER_VERSION,
-        materials: specification.materials,
+        materials: chosen.materials.len() as u32 + chosen.materials_missing,
         materials_complete: chosen.materials.len() as u32,
         images: chosen.images(),
         bytes: 0,

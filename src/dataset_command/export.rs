@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use dataset::{IndexList, Split};
 use datastore::ReadOnlyStore;
 use export::card::Publication;
+use export::condition::Condition;
 use export::layout::{self, Layout, Place, SHARD_BYTES, export};
 use export::product::Products;
 use export::rectify::SIDE_PIXELS_MAX;
@@ -41,6 +42,11 @@ pub struct Options {
     /// Which split [default: all]
     #[arg(long, value_enum)]
     split: Option<SplitName>,
+    /// Which materials, by their labels, as in "roughness < 20 and split == 'train'"; with and, or, not
+    /// and parentheses, over material, roughness, anisotropy, angle_deg, ior, split, and colours as
+    /// rgb0_linear_0 or rgb90_lab_2 [default: all]
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<Condition>,
     /// Pixels as NumPy arrays too, of the images' type: they need no EXR reader
     #[arg(long)]
     npy: bool,
@@ -140,6 +146,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         selection: Selection {
             views: views.transpose()?,
             split: options.split.map(SplitName::split),
+            condition: options.condition.clone(),
             partial: options.partial,
         },
         products: Products {

@@ -1,16 +1,22 @@
 //! `brdfarm dataset show`.
 
 use super::StoreOptions;
+use crate::failure::BadInput;
 use crate::output;
 use crate::picture::{self, ContactSheet};
 use anyhow::Context;
 use clap::Args;
 use dataset::IndexList;
 use datastore::ReadOnlyStore;
+use export::condition::Condition;
 use export::file::write_bytes;
+use export::selection::Selection;
 use renderer::decode_exr;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+/// Materials on a sheet where nobody says which.
+const MATERIALS_SHOWN: usize = 12;
 
 /// Make a contact sheet (PNG): a row a material, a column a view
 ///
@@ -20,9 +26,13 @@ use std::path::{Path, PathBuf};
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Which materials, as in 0-11 or 3,5,8-10
-    #[arg(long, default_value = "0-11", value_name = "LIST")]
-    materials: IndexList,
+    /// Which materials, as in 0-11 or 3,5,8-10 [default: the first 12]
+    #[arg(long, value_name = "LIST")]
+    materials: Option<IndexList>,
+    /// Only those whose labels fulfil this, as in "roughness < 20 and split == 'train'"; `brdfarm
+    /// dataset export --help` has the labels
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<Condition>,
     /// Which views [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
@@ -41,9 +51,24 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(&options.store.store)?;
     let specification = store.specification();
     let view_count = specification.views.len() as u32;
-    let materials = options
-        .materials
-        .below(specification.materials, "material")?;
+    let wanted = Selection {
+        condition: options.condition.clone(),
+        ..Selection::default()
+    };
+    let wants = |material: &u32| wanted.wants(specification, *material);
+    let materials: Vec<u32> = match &options.materials {
+        Some(materials) => {
+            let materials = materials.below(specification.materials, "material")?;
+            materials.into_iter().filter(wants).collect()
+        }
+        None => (0..specification.materials)
+            .filter(wants)
+            .take(MATERIALS_SHOWN)
+            .collect(),
+    };
+    if materials.is_empty() {
+        return Err(BadInput("--where: no material fulfils it".to_owned()).into());
+    }
     let views = match &options.views {
         Some(views) => views.below(view_count, "view")?,
         None => (0..view_count).collect(),

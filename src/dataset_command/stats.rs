@@ -4,6 +4,7 @@ use super::StoreOptions;
 use crate::progress;
 use clap::Args;
 use datastore::ReadOnlyStore;
+use export::condition::Condition;
 use export::statistics::{Statistics, statistics};
 use std::io::{self, Write};
 
@@ -15,6 +16,10 @@ use std::io::{self, Write};
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
+    /// Only materials whose labels fulfil this, as in "roughness < 20 and split == 'train'"; `brdfarm
+    /// dataset export --help` has the labels
+    #[arg(long = "where", value_name = "CONDITION")]
+    condition: Option<Condition>,
     /// Read all images too, and say how bright they are
     #[arg(long)]
     pixels: bool,
@@ -27,9 +32,12 @@ pub struct Options {
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(&options.store.store)?;
     let bar = progress::bar(store.specification().materials.into(), "materials counted");
-    let found = statistics(&store, options.pixels, &|materials| {
-        bar.set_position(materials)
-    });
+    let found = statistics(
+        &store,
+        options.condition.clone(),
+        options.pixels,
+        &|materials| bar.set_position(materials),
+    );
     bar.finish_and_clear();
     let found = found?;
     let mut out = io::stdout();

@@ -66,3 +66,42 @@ fn what_leaves_a_store_makes_the_same_store_elsewhere() {
         assert!(said.contains("nothing to do"), "{said}");
     }
 }
+
+#[test]
+fn materials_are_chosen_by_their_labels() {
+    let farm = rendered(12);
+    let rows = farm.succeed("dataset manifest export --format jsonl --out -");
+    let rows = rows.lines().map(|row| serde_json::from_str(row).unwrap());
+    let smooth = |row: &Value| row["roughness"].as_f64().unwrap() < 50.0;
+    let expected = rows.filter(smooth).count();
+    assert!((1..12 * 14).contains(&expected));
+
+    let refused = |arguments: &str| {
+        let output = farm.run(arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let wanted = "--where=not(roughness>=50)";
+    let said = farm.succeed(&format!("dataset export out --layout files {wanted}"));
+    assert!(said.contains(&format!("{expected} images")), "{said}");
+    let card = fs::read_to_string(farm.path().join("out/README.md")).unwrap();
+    assert!(
+        card.contains("materials with `not(roughness>=50)`"),
+        "{card}"
+    );
+    // The same again goes on, and another condition does not.
+    farm.succeed(&format!("dataset export out --layout files {wanted}"));
+    let said = refused("dataset export out --layout files --where=roughness<60");
+    assert!(said.contains("another export"), "{said}");
+    let said = farm.succeed(&format!("dataset stats {wanted}"));
+    let materials = expected / 14;
+    assert!(
+        said.contains(&format!("{materials} of {materials} complete")),
+        "{said}"
+    );
+    farm.succeed(&format!("dataset show {wanted} --out sheet.png"));
+    for command in ["export none --layout files", "show"] {
+        let said = refused(&format!("dataset {command} --where=ior>90"));
+        assert!(said.contains("ulfils"), "{said}");
+    }
+}

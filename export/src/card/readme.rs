@@ -90,6 +90,9 @@ fn write_counts(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
         let materials: usize = of_split.map(|shard| shard.materials.len()).sum();
         writeln!(text, "| {split} | {materials} | {} |", materials * views)?;
     }
+    if let Some(condition) = &described.chosen.condition {
+        writeln!(text, "\nOf the set those materials with `{condition}`.")?;
+    }
     let missing = described.chosen.materials_missing;
     if missing > 0 {
         writeln!(text, "\n**Incomplete: {missing} materials are missing.**")?;

@@ -52,7 +52,7 @@ impl Plan {
             .flat_map(|(split, materials)| units(work.layout, split, &materials, options))
             .collect();
         let products = &options.products;
-        let description = json!({
+        let mut description = json!({
             "layout": work.layout.name(),
             "specification": work.store.specification_hash().to_string(),
             "renderer_version": dataset::RENDERER_VERSION,
@@ -64,6 +64,10 @@ impl Plan {
             "rectified_side": products.rectified_side,
             "shard_bytes": options.shard_bytes,
         });
+        // Exports of before conditions are gone on with.
+        if let Some(condition) = &options.selection.condition {
+            description["where"] = condition.to_string().into();
+        }
         Ok(Self {
             units,
             description: format!("{description:#}\n"),
