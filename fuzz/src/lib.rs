@@ -14,7 +14,7 @@
 //! | `completion_log` | the log of a store that lay on a disk |
 //! | `ledger` | records of the queue that lay on a disk |
 //! | `credentials` | tokens, token files, certificates |
-//! | `command_line` | lists of indices |
+//! | `command_line` | lists of indices, conditions on labels |
 //! | `material` | materials and questions about them as JSON |
 //! | `manifest` | manifests in three formats, and shards of images in two |
 //! | `calls` | protobuf messages of any call, to a live coordinator |
@@ -42,7 +42,7 @@ mod seeds;
 mod specification;
 
 pub use calls::calls;
-pub use command_line::index_list;
+pub use command_line::{condition, index_list};
 pub use completion_log::completion_log;
 pub use credentials::{credentials, tokens};
 pub use image::{image, image_header};
@@ -59,9 +59,10 @@ pub use specification::specification;
 pub type Target = fn(&[u8]) -> bool;
 
 /// All targets, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 15] = [
+pub const TARGETS: [(&str, Target); 16] = [
     ("calls", calls),
     ("completion_log", completion_log),
+    ("condition", condition),
     ("credentials", credentials),
     ("image", image),
     ("image_header", image_header),

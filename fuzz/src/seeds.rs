@@ -45,6 +45,10 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("completion_log", completion_log()),
         ("ledger", ledger()),
         ("calls", calls()),
+        (
+            "condition",
+            b"not (roughness < 2e1 or split != 'train') and rgb0_lab_2 >= -.5".to_vec(),
+        ),
         ("index_list", b"3,5-9, 12 - 4294967295".to_vec()),
         (
             "tokens",
