@@ -7,7 +7,7 @@ use crate::{cores, picture, progress};
 use clap::{Args, ValueEnum};
 use dataset::{IndexList, Split};
 use datastore::ReadOnlyStore;
-use export::card::Publication;
+use export::card::{Licence, Publication};
 use export::condition::Condition;
 use export::layout::{self, Layout, Place, SHARD_BYTES, export};
 use export::product::Products;
@@ -72,9 +72,9 @@ pub struct Options {
     #[arg(long, default_value_t = SHARD_BYTES / MEGABYTE, value_name = "MB",
           value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     shard_megabytes: u64,
-    /// The images' licence, as an SPDX identifier
-    #[arg(long, default_value = "unknown", value_name = "ID", value_parser = parse_licence)]
-    licence: String,
+    /// The images' licence: an SPDX expression such as CC-BY-4.0, or the https:// address of its text
+    #[arg(long, default_value = "unknown", value_name = "SPDX|URL")]
+    licence: Licence,
     /// Who publishes the set
     #[arg(long, value_name = "NAME", value_parser = parse_line)]
     creator: Option<String>,
@@ -212,13 +212,6 @@ fn parse_line(text: &str) -> Result<String, String> {
     plain
         .then(|| text.to_owned())
         .ok_or_else(|| format!("it has to be one line of 1 to {LINE_BYTES_MAX} bytes"))
-}
-
-fn parse_licence(text: &str) -> Result<String, String> {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
-    (!text.is_empty() && text.len() <= 64 && text.chars().all(plain))
-        .then(|| text.to_ascii_lowercase())
-        .ok_or_else(|| "a licence is an SPDX identifier, such as cc-by-4.0".to_owned())
 }
 
 fn parse_date(text: &str) -> Result<String, String> {

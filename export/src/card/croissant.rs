@@ -22,7 +22,7 @@ pub(super) fn metadata(described: &Described<'_>, manifest: &FileDigest) -> Valu
         "conformsTo": "http://mlcommons.org/croissant/1.1",
         "name": specification.name,
         "description": summary(described),
-        "license": licence(&publication.licence),
+        "license": publication.licence.metadata(),
         "version": format!("{}.0.0", RENDERER_VERSION),
         "identifier": described.store.specification_hash().to_string(),
         "citeAs": CITATION,
@@ -51,13 +51,6 @@ pub(super) fn metadata(described: &Described<'_>, manifest: &FileDigest) -> Valu
         }
     }
     document
-}
-
-fn licence(identifier: &str) -> String {
-    match identifier {
-        "unknown" | "other" => identifier.to_owned(),
-        spdx => format!("https://spdx.org/licenses/{}.html", spdx.to_uppercase()),
-    }
 }
 
 fn distribution(described: &Described<'_>, manifest: &FileDigest) -> Vec<Value> {

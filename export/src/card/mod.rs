@@ -2,8 +2,11 @@
 //! Croissant metadata.
 
 mod croissant;
+mod licence;
 mod plots;
 mod readme;
+
+pub use licence::Licence;
 
 use crate::{
     error::ExportError,
@@ -18,8 +21,8 @@ use std::{fs::File, io::Read, path::Path};
 /// What only the publisher knows.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Publication {
-    /// The images' licence, as an SPDX identifier in lower case such as `cc-by-4.0`.
-    pub licence: String,
+    /// The images' licence.
+    pub licence: Licence,
     /// Who publishes it.
     pub creator: Option<String>,
     /// Where it is published.
@@ -31,7 +34,7 @@ pub struct Publication {
 impl Default for Publication {
     fn default() -> Self {
         Self {
-            licence: "unknown".to_owned(),
+            licence: Licence::Unknown,
             creator: None,
             url: None,
             date: None,

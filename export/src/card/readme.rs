@@ -18,7 +18,7 @@ fn write_front_matter(described: &Described<'_>, text: &mut String) -> std::fmt:
     let specification = described.store.specification();
     let images = described.chosen.images();
     writeln!(text, "---")?;
-    writeln!(text, "license: {}", described.publication.licence)?;
+    write!(text, "{}", described.publication.licence.front_matter())?;
     writeln!(text, "pretty_name: {}", specification.name)?;
     writeln!(text, "task_categories: [image-to-image, other]")?;
     writeln!(
