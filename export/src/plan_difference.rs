@@ -18,7 +18,48 @@ pub(crate) fn difference(found: &[u8], wanted: &str, what: &str) -> String {
     different.sort_by_key(|(key, _)| key.as_str() == "images");
     let different = different.first();
     different.map_or(format!("another {what}"), |(key, value)| {
-        let found = found.get(key.as_str()).unwrap_or(&Value::Null);
-        format!("another {what}, of {key} {found} where {value} is wanted")
+        if key.as_str() == "images" {
+            return format!("another {what}, of other images: the store has more now, or others");
+        }
+        let found = told(found.get(key.as_str()).unwrap_or(&Value::Null));
+        format!(
+            "another {what}, of {key} {found} where {} is wanted",
+            told(value)
+        )
     })
+}
+
+/// A value in words; what is absent is no limit, or not asked for.
+fn told(value: &Value) -> String {
+    match value {
+        Value::Null => "none".to_owned(),
+        value => value.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_difference_is_told_in_words() {
+        let found = br#"{"images": "a1", "split": null, "views": [5, 8]}"#;
+        for (wanted, told) in [
+            (
+                r#"{"images": "b2", "split": "train", "views": [5, 8]}"#,
+                "another export, of split none where \"train\" is wanted",
+            ),
+            (
+                r#"{"images": "b2", "split": null, "views": [5, 8]}"#,
+                "another export, of other images: the store has more now, or others",
+            ),
+            (
+                r#"{"images": "b2", "split": null, "views": [5, 8], "where": "ior > 2"}"#,
+                "another export, of where none where \"ior > 2\" is wanted",
+            ),
+        ] {
+            assert_eq!(difference(found, wanted, "export"), told);
+        }
+        assert_eq!(difference(b"no JSON", "{}", "export"), "another export");
+    }
 }

@@ -8,7 +8,8 @@ use super::embree::Isa;
 /// What a specification or a user asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum BackendChoice {
-    /// The faster for the scene; native where Embree is wanted and cannot be loaded.
+    /// The faster for the scene; native where Embree is wanted and cannot be loaded, unless
+    /// `EMBREE_LIBRARY` names it.
     #[default]
     Auto,
     /// Plain Rust, one primitive after another.
