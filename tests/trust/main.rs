@@ -113,10 +113,11 @@ fn every_liar_twenty_times() {
         }
     }
     // It is looked at in probation and in the audit: a lie in ten slips through each with 0.9.
-    let looks = limits::PROBATION + limits::AUDITS;
+    let looks = (limits::PROBATION + limits::AUDITS) as usize;
+    let missed: f64 = std::iter::repeat_n(0.9, looks).product();
     println!(
         "in theory a liar of one material in ten keeps its lies in at most {:.0} percent of the sets",
-        100.0 * 0.9_f64.powi(looks as i32)
+        100.0 * missed
     );
     let left = set::mended(&images, Liar::OneInTen);
     println!("{left} lies that were left are named, and mended by repair --rerender");
