@@ -93,9 +93,14 @@ impl Farm {
             .standing(material, token, fingerprint)
             .await?;
         if let Standing::Current { records } = standing {
-            self.take_in_brought(sender, rendered.brought()).await?;
+            let expected = self.expected(material);
+            self.take_in_brought(sender, &expected, rendered.brought())
+                .await?;
             let missing = match self.context.blobs.objects() {
-                None => self.missing_images(sender, &completion).await?,
+                None => {
+                    let headers = &expected.headers;
+                    self.missing_images(sender, &completion, headers).await?
+                }
                 Some(objects) => {
                     let settled = self.settle(objects, token, &rendered).await?;
                     let missing = settled.missing();
@@ -180,7 +185,8 @@ impl Farm {
             Err(PublishError::Gone(error)) => {
                 let material = completion.material;
                 tracing::error!(material, %error, "a staged image is gone, and is asked for again");
-                let missing = self.missing_images(sender, completion).await?;
+                let headers = &self.expected(material).headers;
+                let missing = self.missing_images(sender, completion, headers).await?;
                 Ok((!missing.is_empty()).then_some(missing))
             }
             Err(PublishError::File(error)) => Err(FarmError::File(error)),
@@ -196,10 +202,9 @@ impl Farm {
         &self,
         sender: Sender,
         completion: &Completion,
+        headers: &[ImageHeader],
     ) -> Result<Vec<Digest>, FarmError> {
         let material = completion.material;
-        let headers =
-            validation::expected_headers(&self.specification, self.specification_hash, material);
         let mut unstaged = Vec::new();
         {
             let now = self.shared.now();

@@ -3,7 +3,7 @@
 use super::{Farm, FarmError};
 use crate::upload_slots::Interrupted;
 use bytes::Bytes;
-use dataset::Digest;
+use dataset::{Digest, ImageHeader};
 use futures_util::future::try_join_all;
 use imagestore::{
     FileError,
@@ -18,7 +18,29 @@ use std::{
 };
 use tokio::task;
 
+/// What the images of a material have to be.
+pub(super) struct Expected {
+    /// What they say of themselves, view by view.
+    pub headers: Vec<ImageHeader>,
+    /// The size of the largest, bytes.
+    pub bytes_max: u64,
+}
+
 impl Farm {
+    /// What the images of a material have to be.
+    pub(super) fn expected(&self, material: u32) -> Arc<Expected> {
+        let specification = &self.specification;
+        let headers =
+            validation::expected_headers(specification, self.specification_hash, material);
+        // They differ in the view's number alone, and the last has most digits.
+        let last = headers.last();
+        let bytes_max = last.map(|header| validation::image_bytes_max(specification, header));
+        Arc::new(Expected {
+            bytes_max: bytes_max.unwrap_or(0),
+            headers,
+        })
+    }
+
     /// Which of the digests are neither staged nor in the store. Of a sender the images that are
     /// staged are kept for its lease, and room for the others is reserved.
     pub async fn find_missing(
@@ -74,13 +96,15 @@ impl Farm {
         }
         // The image is here: it waits for room nowhere, but is sent again.
         let sender = self.reserve(lease, credential, Duration::ZERO).await?;
-        self.take_in(sender, digest, data).await
+        let expected = self.expected(lease.material);
+        self.take_in(sender, expected, digest, data).await
     }
 
     /// Takes images in that came along with the completion of a lease that is current.
     pub(super) async fn take_in_brought(
         &self,
         sender: Sender,
+        expected: &Arc<Expected>,
         images: Vec<(Digest, u64, Bytes)>,
     ) -> Result<(), FarmError> {
         if images.is_empty() {
@@ -105,7 +129,8 @@ impl Farm {
             return Err(FarmError::StagingFull(sender.lease.material));
         }
         let images = images.into_iter();
-        let taken_in = images.map(|(digest, _, data)| self.take_in(sender, digest, data));
+        let taken_in = images
+            .map(|(digest, _, data)| self.take_in(sender, Arc::clone(expected), digest, data));
         try_join_all(taken_in).await.map(drop)
     }
 
@@ -113,6 +138,7 @@ impl Farm {
     async fn take_in(
         &self,
         sender: Sender,
+        expected: Arc<Expected>,
         digest: Digest,
         data: impl AsRef<[u8]> + Send + 'static,
     ) -> Result<(), FarmError> {
@@ -120,8 +146,6 @@ impl Farm {
         let context = Arc::clone(&self.context);
         let specification = Arc::clone(&self.specification);
         let material = sender.lease.material;
-        let headers =
-            validation::expected_headers(&specification, self.specification_hash, material);
         // What is begun runs to its end even when the caller goes away. Whether the image is in the
         // store already is not looked up: a worker asks before it sends.
         let take_in = move || -> Result<(), FarmError> {
@@ -135,13 +159,10 @@ impl Farm {
             }
             let bytes = data.as_ref();
             let size = bytes.len() as u64;
-            // Another view's may be a few bytes larger or smaller: it is looked at again below.
-            let sizes = headers.iter();
-            let sizes = sizes.map(|header| validation::image_bytes_max(&specification, header));
-            let size_max = sizes.max().unwrap_or(0);
-            validation::check_size_max(size, size_max)?;
+            validation::check_size_max(size, expected.bytes_max)?;
             validation::check_digest(bytes, digest)?;
             let header = validation::inspect(bytes, &specification)?;
+            let headers = &expected.headers;
             let expected = headers.get(header.view as usize).unwrap_or(&headers[0]);
             validation::check_identity(&header, expected)?;
             let file = context.blobs.stage(digest, bytes)?;

@@ -6,7 +6,6 @@ use futures_util::{StreamExt, stream};
 use imagestore::{
     blobs::StagedFile,
     staging::{Credential, Holder, LeaseOf, Sender},
-    validation,
 };
 use jobqueue::{Changes, Refusal, Selection, token::WorkerId};
 use jobstore::JobStoreError;
@@ -67,11 +66,8 @@ impl Farm {
 
     /// The most that the images of a material can have together, bytes.
     fn job_bytes_max(&self, material: u32) -> u64 {
-        let headers =
-            validation::expected_headers(&self.specification, self.specification_hash, material);
-        let views = headers.iter();
-        let views = views.map(|header| validation::image_bytes_max(&self.specification, header));
-        views.sum()
+        let expected = self.expected(material);
+        expected.headers.len() as u64 * expected.bytes_max
     }
 
     /// Drops what leases had staged that changes ended. A job may have been leased again since, and
