@@ -14,6 +14,7 @@
 //! | [`manifest`] | one row for an image, column by column |
 
 pub mod colour;
+pub mod condition;
 mod digest;
 mod hard_cases;
 mod image_file;

@@ -1,6 +1,7 @@
 //! Why nothing was exported.
 
-use crate::{condition::Condition, manifest::error::ManifestError, rectify::RectifyError};
+use crate::{manifest::error::ManifestError, rectify::RectifyError};
+use dataset::condition::Condition;
 use datastore::StoreName;
 use imagestore::FileError;
 use std::path::PathBuf;

@@ -18,7 +18,6 @@
 //! order of threads. Never imports the renderer.
 
 pub mod card;
-pub mod condition;
 pub mod diff;
 mod error;
 pub mod file;

@@ -1,7 +1,7 @@
 //! Which materials and views leave.
 
-use crate::{condition::Condition, error::ExportError};
-use dataset::{CompletedView, Specification, Split, manifest::Row};
+use crate::error::ExportError;
+use dataset::{CompletedView, Specification, Split, condition::Condition, manifest::Row};
 use datastore::ReadOnlyStore;
 
 /// What is wanted of a store.

@@ -1,11 +1,10 @@
 //! What is in a store, in numbers: counts, parameters, errors, and brightness if asked for.
 
 use crate::{
-    condition::Condition,
     error::ExportError,
     selection::{Chosen, Selection},
 };
-use dataset::{CompletedView, Digest, RENDERER_VERSION, Split};
+use dataset::{CompletedView, Digest, RENDERER_VERSION, Split, condition::Condition};
 use datastore::ReadOnlyStore;
 use imagestore::validation::decode;
 use serde::Serialize;

@@ -1,7 +1,7 @@
 //! What people write on command lines beside names and numbers.
 
+use dataset::condition::Condition;
 use dataset::{IndexList, Specification};
-use export::condition::Condition;
 
 /// Reads a list of indices.
 pub fn index_list(bytes: &[u8]) -> bool {

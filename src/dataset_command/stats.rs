@@ -3,8 +3,8 @@
 use super::StoreOptions;
 use crate::progress;
 use clap::Args;
+use dataset::condition::Condition;
 use datastore::ReadOnlyStore;
-use export::condition::Condition;
 use export::statistics::{Statistics, statistics};
 use std::io::{self, Write};
 

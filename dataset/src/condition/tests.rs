@@ -1,5 +1,5 @@
 use super::*;
-use dataset::Specification;
+use crate::Specification;
 use proptest::prelude::*;
 
 /// The materials of the preset's first 300 for which a condition holds.

@@ -11,7 +11,7 @@
 //! Labels have the names of the manifest's columns, as its CSV form has them: a colour's red is
 //! `rgb0_linear_0`.
 
-use dataset::{SampledMaterial, Split};
+use crate::{SampledMaterial, Split};
 use std::{
     cmp::Ordering,
     fmt::{self, Display, Formatter},
