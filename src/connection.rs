@@ -40,6 +40,9 @@ pub struct CoordinatorOptions {
     /// http://127.0.0.1:7117]
     #[arg(long = "coordinator", value_name = "URL", env = "BRDFARM_COORDINATOR")]
     url: Option<String>,
+    /// Who serves the store that was meant.
+    #[arg(skip)]
+    holder: Option<Holder>,
     #[command(flatten)]
     credentials: CredentialOptions,
 }
@@ -78,23 +81,41 @@ impl CredentialOptions {
 impl CoordinatorOptions {
     /// The coordinator's URL.
     pub fn url(&self) -> String {
-        let served = || Holder::of(Path::new(STORE_DEFAULT)).map(|holder| holder.url);
-        let url = self.url.clone().or_else(served);
-        url.unwrap_or_else(|| COORDINATOR_DEFAULT.to_owned())
+        match (self.found(), &self.url) {
+            (Some(holder), _) => holder.url,
+            (None, Some(url)) => url.clone(),
+            (None, None) => COORDINATOR_DEFAULT.to_owned(),
+        }
     }
 
-    /// The same options for whoever serves a store, unless a URL was given.
-    pub fn of(&self, holder: &Holder) -> Self {
-        let url = self.url.clone().unwrap_or_else(|| holder.url.clone());
+    /// Whom a store's lock file names, where nobody named a coordinator.
+    fn found(&self) -> Option<Holder> {
+        let by_default = || match self.url {
+            Some(_) => None,
+            None => Holder::of(Path::new(STORE_DEFAULT)),
+        };
+        self.holder.clone().or_else(by_default)
+    }
+
+    /// The same options for whoever serves a store.
+    pub fn of(&self, holder: Holder) -> Self {
         Self {
-            url: Some(url),
+            holder: Some(holder),
             ..self.clone()
         }
     }
 
-    /// What is shown to the coordinator, and whom to believe.
+    /// What is shown to the coordinator, and whom to believe. Whoever holds a store's lock can write
+    /// any address into it: one that proves nothing by a certificate is shown no token.
     pub fn credentials(&self) -> anyhow::Result<Credentials> {
-        self.credentials.load()
+        let mut credentials = self.credentials.load()?;
+        if self
+            .found()
+            .is_some_and(|holder| !holder.url.starts_with("https://"))
+        {
+            credentials.token = None;
+        }
+        Ok(credentials)
     }
 
     /// Makes one call and waits for its answer.
@@ -120,13 +141,13 @@ impl CoordinatorOptions {
 
     /// A client; has to be called inside a runtime.
     pub fn connect(&self) -> anyhow::Result<ControlClient> {
-        let credentials = self.credentials.load()?;
+        let credentials = self.credentials()?;
         Ok(client::control(&self.url(), &credentials).map_err(BadInput)?)
     }
 
     /// A client of the health service; has to be called inside a runtime.
     pub fn connect_health(&self) -> anyhow::Result<HealthClient> {
-        let credentials = self.credentials.load()?;
+        let credentials = self.credentials()?;
         Ok(client::health(&self.url(), &credentials).map_err(BadInput)?)
     }
 
@@ -161,4 +182,29 @@ pub fn read_if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
         return Err(BadInput(what).into());
     }
     Ok(Some(fs::read(path).with_context(unreadable)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_token_is_shown_to_whoever_only_says_where_it_listens() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("token"), "secret").unwrap();
+        let options = CoordinatorOptions {
+            url: Some("http://127.0.0.1:7117".to_owned()),
+            holder: None,
+            credentials: CredentialOptions {
+                credentials: Some(folder.path().to_owned()),
+            },
+        };
+        let token = |options: &CoordinatorOptions| options.credentials().unwrap().token;
+        assert_eq!(token(&options).as_deref(), Some("secret"));
+        let holder = |url: &str| options.of(Holder::here(url.to_owned()));
+        assert_eq!(holder("http://127.0.0.1:1").url(), "http://127.0.0.1:1");
+        assert_eq!(token(&holder("http://127.0.0.1:1")), None);
+        let closed = holder("https://127.0.0.1:1");
+        assert_eq!(token(&closed).as_deref(), Some("secret"));
+    }
 }

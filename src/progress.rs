@@ -109,7 +109,8 @@ impl Recent {
         };
         let seconds = now.duration_since(*began).as_secs_f64();
         match seconds > 0.0 {
-            true => (images - before) as f64 / seconds,
+            // What turns out to be wrong is taken back.
+            true => images.saturating_sub(*before) as f64 / seconds,
             false => 0.0,
         }
     }

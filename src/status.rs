@@ -19,10 +19,9 @@ use tonic::{Request, Response};
 pub struct Options {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// The store that is meant: whoever serves it here is asked, and where nobody does the store tells
-    /// what is in it
-    #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
-          conflicts_with = "url")]
+    /// The store that is meant: whoever serves it here is asked, whatever --coordinator says, and where
+    /// nobody does the store tells what is in it
+    #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser())]
     store: Option<StoreName>,
     /// Show it again and again, until nothing is left to do
     #[arg(long)]
@@ -45,7 +44,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     let coordinator = match &options.store {
         None => options.coordinator.clone(),
         Some(store) => match store.folder().and_then(Holder::of) {
-            Some(holder) => options.coordinator.of(&holder),
+            Some(holder) => options.coordinator.of(holder),
             None => return show_store(store, options.json, &mut out),
         },
     };
