@@ -21,9 +21,9 @@ const FAULTS_SHOWN_MAX: usize = 100;
 
 /// Check every image: present, intact, finite, and what it says it is
 ///
-/// Reads every image of a store: computes its digest, decodes it, and compares what it says of
-/// itself with what the specification and the ledger say; works the parameters out from the seed;
-/// faults images that are black where light must arrive. Changes nothing.
+/// Reads every image of a store: computes its digest, decodes it, and compares its header with the
+/// specification, the ledger and the parameters that follow from the seed. Reports images that are
+/// black where light must arrive. Changes nothing.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]

@@ -5,8 +5,8 @@
 //! coordinator stages uploads in a folder of its own, which it keeps locked; what one that died
 //! left behind is cleared by the next that starts.
 //!
-//! Commands read it as it was at one instant, and beside nobody's way; those that write do so one
-//! at a time (`writing.rs`). They are not asynchronous: what is waited for inside, nobody sees.
+//! Commands read it as it was at one instant, and block nobody. Commands that write take turns
+//! (`writing.rs`). Both block their thread: a command has nothing else to do.
 
 mod identity;
 mod place;

@@ -22,7 +22,7 @@ struct PostgresPlace {
 /// The database's clock when the suite's is at zero: leases before it have to be possible.
 const START: Duration = Duration::from_secs(1_000_000);
 
-/// Time passes, and somebody looked all along.
+/// Sets the database's clock. The sweep ran without a gap until then.
 fn tell_time(now: Duration) -> String {
     let now = (START + now).as_millis();
     format!(
