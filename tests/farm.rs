@@ -220,7 +220,7 @@ fn a_run_resumes_grows_and_says_when_there_is_nothing_to_do() {
 fn a_run_that_is_stopped_or_killed_goes_on_at_once() {
     let directory = workplace();
     let directory = directory.path();
-    for (signal, code) in [("TERM", Some(1)), ("KILL", None)] {
+    for (signal, code) in [("TERM", Some(143)), ("KILL", None)] {
         let mut child = brdfarm(directory)
             .args(["run", "--spec", "spec.toml", "--store", signal])
             .stdout(Stdio::null())
