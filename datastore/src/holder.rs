@@ -1,6 +1,6 @@
-//! Who has a store in a folder open, as it says itself in the store's lock file. That the lock is
-//! held is what counts; what is written in it is for people, and for commands that look for whoever
-//! serves a store.
+//! Which process has a store in a folder open. The process writes its number and its address into
+//! the store's lock file. Only the lock itself keeps others out; the text tells people who holds it,
+//! and commands where the store is served.
 
 use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,12 @@ impl Holder {
 
     /// Who has the store in a folder open; `None` where nobody has, or does not say so.
     pub fn of(store: &Path) -> Option<Self> {
-        let lock = File::open(store.join("lock")).ok()?;
+        let path = store.join("lock");
+        // Opening a pipe would wait for its other end.
+        if !path.is_file() {
+            return None;
+        }
+        let lock = File::open(path).ok()?;
         if flock(&lock, FlockOperation::NonBlockingLockShared).is_ok() {
             // What it says is of somebody who is gone.
             return None;

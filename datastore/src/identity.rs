@@ -64,7 +64,11 @@ pub(super) fn acquire(store: &Path) -> Result<File, StoreError> {
     let started = Instant::now();
     loop {
         match flock(&file, FlockOperation::NonBlockingLockExclusive) {
-            Ok(()) => return Ok(file),
+            Ok(()) => {
+                // What the holder before said of itself is no longer true.
+                file.set_len(0).map_err(FileError::new("empty", &path))?;
+                return Ok(file);
+            }
             // A process that was being started when the last holder closed it has it until it
             // begins.
             Err(rustix::io::Errno::WOULDBLOCK) if started.elapsed() < limits::STORE_LOCK_WAIT => {
@@ -361,6 +365,18 @@ fn damaged(path: &Path, reason: impl ToString) -> StoreError {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_holder_that_says_nothing_is_not_taken_for_the_one_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let before = acquire(folder.path()).unwrap();
+        let url = "http://127.0.0.1:40001".to_owned();
+        Holder::here(url).announce(&before).unwrap();
+        assert!(Holder::of(folder.path()).is_some());
+        drop(before);
+        let _repairing = acquire(folder.path()).unwrap();
+        assert_eq!(Holder::of(folder.path()), None);
+    }
 
     #[test]
     fn a_lock_is_waited_for_and_then_refused() {

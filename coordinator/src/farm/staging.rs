@@ -70,8 +70,8 @@ impl Farm {
         expected.headers.len() as u64 * expected.bytes_max
     }
 
-    /// Drops what leases had staged that changes ended. A job may have been leased again since, and
-    /// that lease's images be under way, so each is looked up before it ends.
+    /// Drops the images of leases that changes ended. The changes may be older than a job's current
+    /// lease, whose images may be arriving; so each lease is looked up before its room ends.
     pub(super) async fn drop_ended(&self, changes: &Changes) {
         let mut doubtful = Vec::new();
         {
@@ -142,8 +142,8 @@ mod tests {
     use std::sync::Arc;
     use tokio::sync::watch;
 
-    /// News of a job that are older than its lease, as of the completion before whose second
-    /// rendering it is, end nothing; those of its own end do.
+    /// Changes older than a job's current lease leave that lease its room. This happens when a job is
+    /// leased for its second rendering before the coordinator has handled its first completion.
     #[tokio::test]
     async fn old_news_of_a_job_leave_the_room_of_its_next_lease() {
         let folder = tempfile::tempdir().unwrap();

@@ -41,7 +41,7 @@ impl FromStr for Licence {
         if text.starts_with("https://") {
             let is_plain = text
                 .bytes()
-                .all(|byte| byte.is_ascii_graphic() && !b"\"<>".contains(&byte));
+                .all(|byte| byte.is_ascii_graphic() && !b"\"<>\\".contains(&byte));
             return match is_plain {
                 true => Ok(Self::Url(text.to_owned())),
                 false => Err(wrong("this is no address".to_owned())),
@@ -71,7 +71,7 @@ impl Licence {
     pub(super) fn front_matter(&self) -> String {
         match self {
             Self::Unknown => "license: unknown\n".to_owned(),
-            Self::Spdx(text) if !text.contains(' ') => {
+            Self::Spdx(text) if LICENSES.iter().any(|licence| licence.name == text) => {
                 format!("license: {}\n", text.to_ascii_lowercase())
             }
             Self::Spdx(text) => format!("license: other\nlicense_name: \"{text}\"\n"),
@@ -91,8 +91,9 @@ impl Licence {
             .map(|name| format!("https://spdx.org/licenses/{name}.html"))
             .collect();
         match &urls[..] {
+            [] => json!(self.to_string()),
             [url] => json!(url),
-            _ => json!(urls),
+            urls => json!(urls),
         }
     }
 }
@@ -136,6 +137,12 @@ mod tests {
                 "license: other\nlicense_link: \"https://example.org/terms\"\n",
                 json!("https://example.org/terms"),
             ),
+            (
+                "LicenseRef-lab",
+                "LicenseRef-lab",
+                "license: other\nlicense_name: \"LicenseRef-lab\"\n",
+                json!("LicenseRef-lab"),
+            ),
             ("unknown", "unknown", "license: unknown\n", json!("unknown")),
         ] {
             let licence: Licence = given.parse().unwrap();
@@ -150,6 +157,7 @@ mod tests {
             "MIT OR",
             "https://a b",
             "https://a\"",
+            "https://a\\x",
             "http://a.org",
         ] {
             let said = bad.parse::<Licence>().unwrap_err();
