@@ -156,7 +156,7 @@ async fn serve(
     store: AnyStore,
 ) -> anyhow::Result<()> {
     raise_open_files();
-    let mut asked = shutdown::flag("calls under way end first")?;
+    let mut asked = shutdown::flag("finishing the calls under way")?;
     let specification = store.specification().clone();
     let coordinator = Coordinator::start(store, for_coordinator).await?;
     let there = *coordinator.progress().borrow();

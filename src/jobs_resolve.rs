@@ -54,7 +54,7 @@ async fn resolve(options: &Resolve) -> anyhow::Result<Summary> {
         RendererBackend::new(specification, BackendChoice::Auto)
             .map_err(|error| RenderFailure(error.to_string()))
     });
-    let mut asked = shutdown::flag("views under way end first")?;
+    let mut asked = shutdown::flag("finishing the views under way")?;
     let worker = tokio::select! {
         worker = connecting => worker?,
         () = shutdown::raised(&mut asked) => {

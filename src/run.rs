@@ -173,7 +173,7 @@ impl Options {
 }
 
 async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::Result<Rendered> {
-    let mut asked = shutdown::flag("views under way end first")?;
+    let mut asked = shutdown::flag("finishing the views under way")?;
     let specification = store.specification().clone();
     let views = specification.views.len() as u64;
     let coordinator = Coordinator::start(store, options.for_coordinator()).await?;

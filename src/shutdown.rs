@@ -28,8 +28,8 @@ pub fn exit_code() -> u8 {
 }
 
 /// A flag that rises when somebody asks the process to stop. Has to be called inside a runtime,
-/// which listens for as long as it lives. `first` is what is still to be done then, as a sentence's
-/// end; standard error hears of it at once.
+/// which listens for as long as it lives. The first request is answered at once on standard error;
+/// `first` completes that sentence with what is still being done.
 ///
 /// A second request ends the process, for those who do not want to wait; so does the first when
 /// nobody holds the flag any more.
@@ -55,7 +55,10 @@ pub fn flag(first: &'static str) -> io::Result<watch::Receiver<bool>> {
                 process::exit(exit_code().into());
             }
             // Standard error may be gone; there is nobody left to tell.
-            let _ = writeln!(io::stderr(), "stopping: {first}; once more ends at once");
+            let _ = writeln!(
+                io::stderr(),
+                "stopping: {first}; a second signal stops at once"
+            );
             asked_at = Some(Instant::now());
             asked.send_replace(true);
         }

@@ -105,7 +105,9 @@ fn a_run_in_a_view_that_does_not_end_stops_when_it_is_asked_to() {
         let twice = scope.spawn(|| stop(&["INT", "INT"], 130));
         for said in once.map(|stopped| stopped.join().expect("it stops")) {
             assert!(
-                said.contains("stopping: views under way end first; once more ends at once"),
+                said.contains(
+                    "stopping: finishing the views under way; a second signal stops at once"
+                ),
                 "{said}"
             );
             assert!(

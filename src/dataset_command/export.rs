@@ -10,6 +10,7 @@ use dataset::{IndexList, Split};
 use datastore::ReadOnlyStore;
 use export::card::{Licence, Publication};
 use export::layout::{self, Layout, Place, SHARD_BYTES, export};
+use export::manifest::Exported;
 use export::product::Products;
 use export::rectify::SIDE_PIXELS_MAX;
 use export::selection::Selection;
@@ -178,6 +179,11 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     );
     bar.finish_and_clear();
     let exported = exported?;
+    tell(&place, &exported)
+}
+
+/// Says how many images were exported, and how many materials are missing.
+fn tell(place: &Place, exported: &Exported) -> anyhow::Result<()> {
     let mut out = io::stdout();
     write!(
         out,
