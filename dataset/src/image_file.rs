@@ -24,6 +24,9 @@ pub const IMAGE_SOFTWARE: &str = "brdfarm";
 /// each (ITU-R BT.709-6, item 1.3 and 1.4).
 pub const REC709_CHROMATICITIES: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
+/// Room for the file's header but for the text that says what the image is, bytes.
+const ATTRIBUTES_BYTES: usize = 1024;
+
 /// Bytes of a block's place in the table, and of the line and size that begin a block.
 const BLOCK_OVERHEAD_BYTES: u64 = 8 + 8;
 
@@ -36,7 +39,8 @@ pub fn image_file_header(specification: &Specification, header: &ImageHeader) ->
     let window = numbers(&[0, 0, film.width - 1, film.height - 1]);
     let chromaticities = REC709_CHROMATICITIES.map(f32::to_le_bytes);
     let white = specification.white_luminance() as f32;
-    let mut file = MAGIC_AND_VERSION.to_vec();
+    let mut file = Vec::with_capacity(json.len() + ATTRIBUTES_BYTES);
+    file.extend(MAGIC_AND_VERSION);
     let attributes: [(&str, &str, &[u8]); 14] = [
         ("chunkCount", "int", &numbers(&[blocks])),
         ("channels", "chlist", &channels(film.pixel)),

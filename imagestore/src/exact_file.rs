@@ -13,12 +13,17 @@ const PLACE_BYTES: usize = 8;
 /// Bytes before a block's pixels: its first line, and how many bytes the pixels take.
 const BLOCK_HEAD_BYTES: usize = 8;
 
-/// Checks everything of a file but its pixels, given what the file says of itself.
+/// Checks everything of a file but its pixels, given what the file says of itself. `likely` is the
+/// header of some image of this dataset; where the file has it, it is not made again.
 pub(crate) fn check(
     bytes: &[u8],
     specification: &Specification,
     identity: &ImageHeader,
+    likely: &[u8],
 ) -> Result<(), Rejection> {
+    if !likely.is_empty() && bytes.starts_with(likely) {
+        return check_blocks(bytes, likely.len(), specification);
+    }
     let header = image_file_header(specification, identity);
     if !bytes.starts_with(&header) {
         return Err(Rejection::FileHeader(first_difference(bytes, &header)));
@@ -26,10 +31,9 @@ pub(crate) fn check(
     check_blocks(bytes, header.len(), specification)
 }
 
-/// The largest file of the image that says this of itself.
-pub(crate) fn bytes_max(specification: &Specification, identity: &ImageHeader) -> u64 {
-    let header = image_file_header(specification, identity).len() as u64;
-    image_file_bytes_max(specification, header)
+/// The largest file of an image whose file begins with `header`.
+pub(crate) fn bytes_max(specification: &Specification, header: &[u8]) -> u64 {
+    image_file_bytes_max(specification, header.len() as u64)
 }
 
 /// Checks that blocks follow the table and each other without a gap, from the top down, and that

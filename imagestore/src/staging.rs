@@ -81,13 +81,20 @@ pub struct Sender {
 struct Room {
     holder: Holder,
     reserved: u64,
-    // The view and the size of each image that it holds.
-    staged: HashMap<Digest, (u32, u64)>,
+    // The images that it holds: one a view, so few that a search from the front is the quickest.
+    staged: Vec<Held>,
     since: Duration,
     // When it last staged something.
     active: Duration,
     // When its lease was last known to be current.
     checked: Duration,
+}
+
+/// An image that a lease holds.
+struct Held {
+    digest: Digest,
+    view: u32,
+    bytes: u64,
 }
 
 /// Leases of one holder that wait for room, the first in line first.
@@ -121,7 +128,13 @@ impl Default for Staging {
 
 impl Room {
     fn staged_bytes(&self) -> u64 {
-        self.staged.values().map(|(_, bytes)| bytes).sum()
+        self.staged.iter().map(|held| held.bytes).sum()
+    }
+
+    fn hold(&mut self, held: Held) {
+        if self.staged.iter().all(|other| other.digest != held.digest) {
+            self.staged.push(held);
+        }
     }
 
     /// Whether it stages too slowly for others to wait: at the slowest rate of a sound line its
@@ -214,7 +227,7 @@ impl Staging {
         let room = self.rooms.entry(lease).or_insert_with(|| Room {
             holder,
             reserved: 0,
-            staged: HashMap::new(),
+            staged: Vec::new(),
             since: now,
             active: now,
             checked: now,
@@ -305,15 +318,17 @@ impl Staging {
             };
         };
         room.active = now;
-        let before = room.staged.iter();
-        let before = before.filter(|(held, (of, _))| *of == view && **held != digest);
-        let before: Vec<Digest> = before.map(|(held, _)| *held).collect();
-        for held in &before {
-            room.staged.remove(held);
-        }
-        room.staged.insert(digest, (view, bytes));
+        let is_before = |held: &mut Held| held.view == view && held.digest != digest;
+        let before: Vec<Held> = room.staged.extract_if(.., is_before).collect();
+        room.hold(Held {
+            digest,
+            view,
+            bytes,
+        });
         let before = before.into_iter();
-        let mut surplus: Vec<_> = before.filter_map(|held| self.let_go(lease, held)).collect();
+        let mut surplus: Vec<_> = before
+            .filter_map(|held| self.let_go(lease, held.digest))
+            .collect();
         match self.images.entry(digest) {
             Entry::Vacant(place) => {
                 place.insert(StagedImage {
@@ -346,7 +361,11 @@ impl Staging {
             let (view, bytes) = (image.header.view, image.bytes);
             self.enlarge(sender, 0, now);
             if let Some(room) = self.rooms.get_mut(&lease) {
-                room.staged.insert(*digest, (view, bytes));
+                room.hold(Held {
+                    digest: *digest,
+                    view,
+                    bytes,
+                });
                 room.active = now;
             }
             self.cover(lease, now);
@@ -387,8 +406,8 @@ impl Staging {
             room.holder.credential,
             room.reserved,
         );
-        let staged = room.staged.into_keys();
-        let files = staged.filter_map(|digest| self.let_go(lease, digest));
+        let staged = room.staged.into_iter();
+        let files = staged.filter_map(|held| self.let_go(lease, held.digest));
         files.collect()
     }
 
@@ -520,7 +539,7 @@ impl Staging {
         };
         for lease in &image.leases {
             if let Some(room) = self.rooms.get_mut(lease) {
-                room.staged.remove(digest);
+                room.staged.retain(|held| held.digest != *digest);
             }
         }
     }

@@ -8,7 +8,7 @@
 use crate::exact_file;
 use dataset::{
     Digest, IMAGE_BLOCK_LINES, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION,
-    Specification,
+    Specification, image_file_header,
     specification::{Image, Pixel},
 };
 use exr::{
@@ -99,7 +99,17 @@ pub struct Decoded {
 
 /// Reads a whole image of a dataset under bounds and returns what it says of itself.
 pub fn inspect(bytes: &[u8], specification: &Specification) -> Result<ImageHeader, Rejection> {
-    read_guarded(bytes, specification, |_| {})
+    inspect_likely(bytes, specification, &[])
+}
+
+/// The same, sooner where the file begins with `likely`, a file header of this dataset as
+/// [`image_file_header`] makes it.
+pub fn inspect_likely(
+    bytes: &[u8],
+    specification: &Specification,
+    likely: &[u8],
+) -> Result<ImageHeader, Rejection> {
+    read_guarded(bytes, specification, likely, |_| {})
 }
 
 /// Reads a whole image of a dataset under bounds, pixels and all.
@@ -107,7 +117,7 @@ pub fn decode(bytes: &[u8], specification: &Specification) -> Result<Decoded, Re
     let film = &specification.image;
     let mut pixels = vec![[0.0; 3]; film.width as usize * film.height as usize];
     let place = |block: &_| place_pixels(block, film, &mut pixels);
-    let header = read_guarded(bytes, specification, place)?;
+    let header = read_guarded(bytes, specification, &[], place)?;
     Ok(Decoded { header, pixels })
 }
 
@@ -132,18 +142,25 @@ pub fn check_size_max(bytes: u64, bytes_max: u64) -> Result<(), Rejection> {
 /// The largest file that an image can be which says this of itself, bytes: raw pixels and what the
 /// renderer writes around them.
 pub fn image_bytes_max(specification: &Specification, header: &ImageHeader) -> u64 {
-    exact_file::bytes_max(specification, header)
+    let file_header = image_file_header(specification, header);
+    image_bytes_max_after(specification, &file_header)
+}
+
+/// The same where the file's header is known.
+pub fn image_bytes_max_after(specification: &Specification, file_header: &[u8]) -> u64 {
+    exact_file::bytes_max(specification, file_header)
 }
 
 fn read_guarded(
     bytes: &[u8],
     specification: &Specification,
+    likely: &[u8],
     visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     // The decoder is not ours: should some input make it panic, it is a bad image like any other,
     // and what was visited of it is dropped.
     panic::catch_unwind(AssertUnwindSafe(|| {
-        read_unguarded(bytes, specification, visit)
+        read_unguarded(bytes, specification, likely, visit)
     }))
     .unwrap_or_else(|_| {
         Err(Rejection::Unreadable(
@@ -221,6 +238,7 @@ pub fn check_identity(header: &ImageHeader, expected: &ImageHeader) -> Result<()
 fn read_unguarded(
     bytes: &[u8],
     specification: &Specification,
+    likely: &[u8],
     mut visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     let unreadable = |error: exr::error::Error| Rejection::Unreadable(error.to_string());
@@ -232,7 +250,7 @@ fn read_unguarded(
     let film = &specification.image;
     check_layout(header, film)?;
     let identity = read_identity(header)?;
-    exact_file::check(bytes, specification, &identity)?;
+    exact_file::check(bytes, specification, &identity, likely)?;
     let description = reader.meta_data().clone();
     let mut blocks = 0;
     for chunk in reader.all_chunks(true).map_err(unreadable)? {

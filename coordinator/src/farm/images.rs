@@ -3,7 +3,7 @@
 use super::{Farm, FarmError};
 use crate::upload_slots::Interrupted;
 use bytes::Bytes;
-use dataset::{Digest, ImageHeader};
+use dataset::{Digest, ImageHeader, image_file_header};
 use futures_util::future::try_join_all;
 use imagestore::{
     FileError,
@@ -22,6 +22,8 @@ use tokio::task;
 pub(super) struct Expected {
     /// What they say of themselves, view by view.
     pub headers: Vec<ImageHeader>,
+    /// How the file of the last view begins: no other view's is longer.
+    last_file_header: Vec<u8>,
     /// The size of the largest, bytes.
     pub bytes_max: u64,
 }
@@ -34,10 +36,13 @@ impl Farm {
             validation::expected_headers(specification, self.specification_hash, material);
         // They differ in the view's number alone, and the last has most digits.
         let last = headers.last();
-        let bytes_max = last.map(|header| validation::image_bytes_max(specification, header));
+        let last = last.map(|header| image_file_header(specification, header));
+        let last_file_header = last.unwrap_or_default();
+        let bytes_max = validation::image_bytes_max_after(specification, &last_file_header);
         Arc::new(Expected {
-            bytes_max: bytes_max.unwrap_or(0),
             headers,
+            last_file_header,
+            bytes_max,
         })
     }
 
@@ -161,7 +166,8 @@ impl Farm {
             let size = bytes.len() as u64;
             validation::check_size_max(size, expected.bytes_max)?;
             validation::check_digest(bytes, digest)?;
-            let header = validation::inspect(bytes, &specification)?;
+            let likely = &expected.last_file_header;
+            let header = validation::inspect_likely(bytes, &specification, likely)?;
             let headers = &expected.headers;
             let expected = headers.get(header.view as usize).unwrap_or(&headers[0]);
             validation::check_identity(&header, expected)?;

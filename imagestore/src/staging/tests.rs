@@ -88,14 +88,15 @@ impl Bench {
         assert_eq!(staging.by_credential.values().sum::<u64>(), reserved);
         for (lease, room) in &staging.rooms {
             assert!(room.staged_bytes() <= room.reserved, "{}", room.reserved);
-            for digest in room.staged.keys() {
+            for Held { digest, .. } in &room.staged {
                 assert!(staging.images[digest].leases.contains(lease));
             }
         }
         for (digest, image) in &staging.images {
             assert!(!image.leases.is_empty() || image.stage == Stage::Publishing);
             for lease in &image.leases {
-                assert!(staging.rooms[lease].staged.contains_key(digest));
+                let held = &staging.rooms[lease].staged;
+                assert!(held.iter().any(|held| held.digest == *digest));
             }
         }
         assert_eq!(self.files(), staging.images.len());
