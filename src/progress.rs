@@ -1,9 +1,11 @@
 //! Progress where a person waits: a bar on a terminal, a line now and then elsewhere.
 
 use crate::plural::{count, time};
+use clap::ValueEnum;
 use coordinator::Progress;
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle, WeakProgressBar};
 use rustix::termios;
+use serde::Serialize;
 use std::{
     collections::VecDeque,
     io::{self, IsTerminal, Write},
@@ -30,15 +32,117 @@ const RATE_WINDOW: Duration = Duration::from_secs(60);
 /// How often it is, at most.
 const RATE_INTERVAL: Duration = Duration::from_secs(1);
 
-/// The farm's bar: images, images a second, time left, errors.
+/// How a run says how far it is.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Style {
+    /// A bar on a terminal, a line every 30 seconds elsewhere
+    Text,
+    /// On standard error one JSON object a second: images, total, rate (images a second, over the last
+    /// minute), errors. When nobody reads them any more, the run stops
+    Json,
+}
+
+/// A program that reads the progress is gone.
+pub struct ReaderGone;
+
+/// How far the farm is: images, images a second, time left, errors.
+pub enum FarmProgress {
+    /// For people.
+    Bar(FarmBar),
+    /// For programs.
+    Lines(FarmLines),
+}
+
+impl FarmProgress {
+    /// Begins at what is there already.
+    pub fn new(style: Style, images_total: u64, images_there: u64) -> Self {
+        match style {
+            Style::Text => Self::Bar(FarmBar::new(images_total, images_there)),
+            Style::Json => Self::Lines(FarmLines::new(images_total, images_there)),
+        }
+    }
+
+    /// Shows how far the farm is.
+    pub fn show(&self, progress: &Progress) -> Result<(), ReaderGone> {
+        match self {
+            Self::Bar(bar) => {
+                bar.show(progress);
+                Ok(())
+            }
+            Self::Lines(lines) => lines.write(progress),
+        }
+    }
+
+    /// Takes what is shown away.
+    pub fn clear(&self) {
+        if let Self::Bar(bar) = self {
+            bar.clear();
+        }
+    }
+}
+
+/// Progress as JSON.
+pub struct FarmLines {
+    total: u64,
+    written: Mutex<Option<Instant>>,
+    recent: Mutex<Recent>,
+}
+
+/// One of its lines.
+#[derive(Serialize)]
+struct Line {
+    images: u64,
+    total: u64,
+    rate: f64,
+    errors: u64,
+}
+
+impl FarmLines {
+    fn new(total: u64, images_there: u64) -> Self {
+        Self {
+            total,
+            written: Mutex::new(None),
+            recent: Mutex::new(Recent::new(Instant::now(), images_there)),
+        }
+    }
+
+    /// Writes a line, unless the last is not a second old and more will come.
+    fn write(&self, progress: &Progress) -> Result<(), ReaderGone> {
+        let now = Instant::now();
+        let rate = noted(&self.recent, progress.images);
+        let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_recent = written.is_some_and(|at| now.duration_since(at) < RATE_INTERVAL);
+        if is_recent && progress.images < self.total {
+            return Ok(());
+        }
+        *written = Some(now);
+        let line = Line {
+            images: progress.images,
+            total: self.total,
+            rate,
+            errors: progress.failures,
+        };
+        let line = serde_json::to_string(&line)
+            .unwrap_or_else(|_| unreachable!("numbers under names are JSON"));
+        writeln!(io::stderr(), "{line}").map_err(|_| ReaderGone)
+    }
+}
+
+/// Notes how many images there are now; returns how many come a second.
+fn noted(recent: &Mutex<Recent>, images: u64) -> f64 {
+    let mut recent = recent.lock().unwrap_or_else(PoisonError::into_inner);
+    recent.note(Instant::now(), images);
+    recent.rate(Instant::now())
+}
+
+/// The farm's bar.
 pub struct FarmBar {
     bar: ProgressBar,
     recent: Mutex<Recent>,
 }
 
 impl FarmBar {
-    /// A bar that starts at what is there already.
-    pub fn new(images_total: u64, images_there: u64) -> Self {
+    fn new(images_total: u64, images_there: u64) -> Self {
         let bar = added(
             images_total,
             [
@@ -51,14 +155,8 @@ impl FarmBar {
         Self { bar, recent }
     }
 
-    /// Shows how far the farm is.
-    pub fn show(&self, progress: &Progress) {
-        let rate = {
-            let recent = self.recent.lock();
-            let mut recent = recent.unwrap_or_else(PoisonError::into_inner);
-            recent.note(Instant::now(), progress.images);
-            recent.rate(Instant::now())
-        };
+    fn show(&self, progress: &Progress) {
+        let rate = noted(&self.recent, progress.images);
         let left = self.bar.length().unwrap_or_default();
         let left = left.saturating_sub(progress.images);
         let mut said = Vec::new();
@@ -74,8 +172,7 @@ impl FarmBar {
         self.bar.set_message(said.join(", "));
     }
 
-    /// Takes the bar away.
-    pub fn clear(&self) {
+    fn clear(&self) {
         self.bar.finish_and_clear();
     }
 }

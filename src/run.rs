@@ -2,7 +2,7 @@
 
 use crate::dataset_command::{show, verify};
 use crate::plural::count;
-use crate::progress::FarmBar;
+use crate::progress::{self, FarmProgress};
 use crate::runtime::Runtime;
 use crate::shutdown::Stopped;
 use crate::{cores, plan, shutdown, specification, store_name};
@@ -59,6 +59,9 @@ pub struct Options {
     #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     disk_reserve_mib: u64,
+    /// How to say how far the run is
+    #[arg(long, value_enum, default_value = "text")]
+    progress: progress::Style,
 }
 
 /// Failures after which a material is quarantined.
@@ -196,7 +199,7 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
         "{}",
         plan::line(&specification, left, Some(cores))
     )?;
-    let bar = FarmBar::new(images, before.images);
+    let bar = FarmProgress::new(options.progress, images, before.images);
     let (stop, stopping) = watch::channel(false);
     let name = match &options.store {
         StoreName::Folder(_) => "local".to_owned(),
@@ -248,7 +251,7 @@ async fn work(
 async fn attend(
     coordinator: &RunningCoordinator,
     working: &mut JoinSet<Result<(), WorkerError>>,
-    bar: &FarmBar,
+    bar: &FarmProgress,
     asked: &mut watch::Receiver<bool>,
 ) -> anyhow::Result<bool> {
     let mut progress = coordinator.progress();
@@ -257,11 +260,17 @@ async fn attend(
     loop {
         tokio::select! {
             outcome = &mut finished => {
-                bar.show(&outcome?);
+                // The set is complete, whoever reads that.
+                let _ = bar.show(&outcome?);
                 return Ok(false);
             }
             () = shutdown::raised(asked) => return Ok(true),
-            Ok(()) = progress.changed() => bar.show(&progress.borrow_and_update()),
+            Ok(()) = progress.changed() => {
+                if bar.show(&progress.borrow_and_update()).is_err() {
+                    shutdown::note_reader_gone();
+                    return Ok(true);
+                }
+            }
             Some(ended) = working.join_next() => ended??,
         }
     }

@@ -10,8 +10,8 @@ use std::{
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 
-/// How far apart two requests are at least: `timeout` and a terminal send one to each process of a
-/// group, and a program that passes it on sends it again.
+/// Signals closer together than this count as one request: `timeout` and a terminal signal each
+/// process of a group, and a program that passes a signal on sends it again.
 const ANOTHER: Duration = Duration::from_secs(1);
 
 /// The signal that asked first; 0 before.
@@ -25,6 +25,14 @@ pub struct Stopped(pub String);
 /// The exit code of a command that was asked to stop: as of one that the signal ended.
 pub fn exit_code() -> u8 {
     128 + ASKED_BY.load(Ordering::Relaxed)
+}
+
+/// Notes that whoever reads the progress is gone, which counts as being asked to stop: a program that
+/// started this one and died does not leave it at work.
+pub fn note_reader_gone() {
+    let by = SignalKind::pipe().as_raw_value();
+    let by = u8::try_from(by).unwrap_or_default();
+    let _ = ASKED_BY.compare_exchange(0, by, Ordering::Relaxed, Ordering::Relaxed);
 }
 
 /// A flag that rises when somebody asks the process to stop. Has to be called inside a runtime,

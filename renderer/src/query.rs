@@ -37,6 +37,9 @@ pub enum QueryError {
     /// A direction leads nowhere.
     #[error("{0} has length zero")]
     Direction(&'static str),
+    /// A component of a direction is no number.
+    #[error("{0} is not finite")]
+    NotFinite(&'static str),
 }
 
 /// The BRDF's value in linear Rec.709, 1/sr. The normal is +z; the directions' lengths do not
@@ -52,9 +55,17 @@ pub fn answer(text: &[u8]) -> Result<[f64; 3], QueryError> {
     Ok(Reflectance::new(&query.material, 0.0, query.tint).evaluate(wi, wo))
 }
 
-/// The unit vector along `components`, scaled by the largest first so that no square overflows.
-fn direction(name: &'static str, components: [f64; 3]) -> Result<Vec3, QueryError> {
-    let largest = components.iter().fold(0.0f64, |a, b| a.max(b.abs()));
+/// The unit vector along `components`, which are called `name`. They are divided by the largest first,
+/// so that no square overflows.
+///
+/// # Errors
+/// When all are zero, or one is not finite.
+pub fn direction(name: &'static str, components: [f64; 3]) -> Result<Vec3, QueryError> {
+    let [x, y, z] = components.map(f64::abs);
+    let largest = x.max(y).max(z);
+    if !(x + y + z).is_finite() && !components.iter().all(|component| component.is_finite()) {
+        return Err(QueryError::NotFinite(name));
+    }
     if largest == 0.0 {
         return Err(QueryError::Direction(name));
     }

@@ -1,0 +1,149 @@
+"""The specification: everything that decides a dataset."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from brdfarm import _native
+from brdfarm._material import Material
+
+
+class Specification:
+    """A dataset's specification, complete and checked.
+
+    Make one with `preset`, `load` or `from_toml`, and others from it with `replace`. Fields, units
+    and defaults are those of the TOML file, which `to_toml` writes.
+    """
+
+    __slots__ = ("_native",)
+    _native: _native.Specification
+
+    @classmethod
+    def preset(cls, name: str = "maxbrdf") -> Specification:
+        """The built-in preset: the paper's dataset."""
+        if name != "maxbrdf":
+            raise ValueError(f"there is no preset {name!r}: the only one is 'maxbrdf'")
+        return cls._of(_native.Specification.preset())
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Specification:
+        """Reads a TOML file. What it leaves out is as in the preset."""
+        return cls._of(_native.Specification.load(os.fspath(path)))
+
+    @classmethod
+    def from_toml(cls, text: str) -> Specification:
+        """Reads TOML. What it leaves out is as in the preset."""
+        return cls._of(_native.Specification.from_toml(text, "TOML"))
+
+    @classmethod
+    def _of(cls, native: _native.Specification) -> Specification:
+        specification = object.__new__(cls)
+        object.__setattr__(specification, "_native", native)
+        return specification
+
+    def __init__(self) -> None:
+        raise TypeError("make one with Specification.preset(), .load(path) or .from_toml(text)")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError("a specification does not change: use replace(), which makes another")
+
+    def replace(self, **changes: Any) -> Specification:
+        """Another specification with other values: `spec.replace(materials=300, image=dict(width=64))`.
+
+        A dict changes the fields that it names and leaves the others. A list replaces a list.
+        """
+        fields = _merged(self.to_dict(), changes)
+        return self._of(_native.Specification.from_json(json.dumps(fields)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """All fields, as the TOML file has them."""
+        return json.loads(self._native.to_json())
+
+    def to_toml(self) -> str:
+        """The file that `load` and the command's `--spec` read."""
+        return self._native.to_toml()
+
+    @property
+    def name(self) -> str:
+        """What the set is called."""
+        return self.to_dict()["name"]
+
+    @property
+    def seed(self) -> int:
+        """Decides materials, splits and light paths."""
+        return self.to_dict()["seed"]
+
+    @property
+    def materials(self) -> int:
+        """How many materials the set has."""
+        return self.to_dict()["materials"]
+
+    @property
+    def views(self) -> list[dict[str, Any]]:
+        """The views of every material, in order."""
+        return self.to_dict()["views"]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """The shape of an image: height, width, 3."""
+        image = self.to_dict()["image"]
+        return image["height"], image["width"], 3
+
+    @property
+    def hash(self) -> str:
+        """What tells this dataset from others, in hexadecimal. The name and the number of materials
+        are left out: they change no image."""
+        return self._native.hash()
+
+    def material(self, index: int) -> Material:
+        """Material `index` of the set. It depends on the seed and on the ranges of the parameters
+        alone, so every index has one, whatever `materials` says."""
+        roughness, anisotropy, angle_deg, ior, rgb0, rgb90 = self._native.material(_index(index))
+        return Material(
+            roughness, anisotropy, angle_deg, ior, tuple(rgb0), tuple(rgb90), index=int(index)
+        )
+
+    def split(self, index: int) -> str:
+        """The split of material `index`: 'train', 'validation' or 'test'."""
+        return self._native.split(_index(index))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Specification):
+            return NotImplemented
+        return self._native.to_json() == other._native.to_json()
+
+    def __hash__(self) -> int:
+        return hash(self._native.to_json())
+
+    def __repr__(self) -> str:
+        height, width, _ = self.shape
+        return (
+            f"<Specification {self.name}: {self.materials} materials, {len(self.views)} views of "
+            f"{width} x {height}, {self.hash[:12]}>"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _from_json, (self._native.to_json(),)
+
+
+def _from_json(text: str) -> Specification:
+    return Specification._of(_native.Specification.from_json(text))
+
+
+def _index(index: int) -> int:
+    index = int(index)
+    if not 0 <= index < 2**32:
+        raise ValueError(f"there is no material {index}: they are counted from 0")
+    return index
+
+
+def _merged(fields: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(fields)
+    for name, value in changes.items():
+        before = merged.get(name)
+        nested = isinstance(before, dict) and isinstance(value, Mapping)
+        merged[name] = _merged(before, value) if nested else value
+    return merged
