@@ -23,7 +23,7 @@ const REDRAW: Duration = Duration::from_millis(500);
 /// How often a line is written where there is no terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(30);
 
-/// Below so many columns there is no room for a bar beside the text.
+/// With fewer columns there is no room for a bar beside the text.
 const BAR_COLUMNS_MIN: u16 = 72;
 
 /// Over how long the rate is measured.
@@ -84,7 +84,8 @@ impl FarmProgress {
 /// Progress as JSON.
 pub struct FarmLines {
     total: u64,
-    written: Mutex<Option<Instant>>,
+    // When the last line was written, and of how many images it told.
+    written: Mutex<Option<(Instant, u64)>>,
     recent: Mutex<Recent>,
 }
 
@@ -106,16 +107,19 @@ impl FarmLines {
         }
     }
 
-    /// Writes a line, unless the last is not a second old and more will come.
+    /// Writes a line, unless the last is not a second old. That all are there is told at once.
     fn write(&self, progress: &Progress) -> Result<(), ReaderGone> {
         let now = Instant::now();
         let rate = noted(&self.recent, progress.images);
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_recent = written.is_some_and(|at| now.duration_since(at) < RATE_INTERVAL);
-        if is_recent && progress.images < self.total {
+        let is_told = |(at, images)| {
+            let is_recent = now.duration_since(at) < RATE_INTERVAL;
+            images >= self.total || is_recent && progress.images < self.total
+        };
+        if written.is_some_and(is_told) {
             return Ok(());
         }
-        *written = Some(now);
+        *written = Some((now, progress.images));
         let line = Line {
             images: progress.images,
             total: self.total,

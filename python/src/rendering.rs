@@ -20,8 +20,8 @@ use std::{
 /// A rendered view.
 #[pyclass(frozen, module = "brdfarm._native")]
 pub struct Rendering {
+    renderer: Arc<Renderer>,
     rendering: renderer::Rendering,
-    error_exr: Vec<u8>,
     seconds: f64,
 }
 
@@ -50,8 +50,9 @@ impl Rendering {
     }
 
     /// The EXR file of the stated errors.
-    fn error_exr<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
-        PyBytes::new(py, &self.error_exr)
+    fn error_exr<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let encoded = py.detach(|| self.renderer.encode_error(&self.rendering));
+        Ok(PyBytes::new(py, &encoded.map_err(failed)?))
     }
 
     /// The BLAKE3 digest of the EXR file.
@@ -103,22 +104,21 @@ pub fn render(
     let backend = backend.parse::<BackendChoice>().map_err(invalid)?;
     let renderer = kept_renderer(&specification.0, backend)?;
     let began = Instant::now();
-    let rendered = interruptible::run(py, move || -> Result<_, RenderError> {
-        let render = || renderer.render(&material, index, view);
-        let rendering = match pool(threads) {
+    let working = Arc::clone(&renderer);
+    let rendered = interruptible::run(py, move || {
+        let render = || working.render(&material, index, view);
+        match pool(threads) {
             Some(pool) => pool.install(render),
             None => render(),
-        }?;
-        let error_exr = renderer.encode_error(&rendering)?;
-        Ok((rendering, error_exr))
+        }
     })?;
-    let (rendering, error_exr) = rendered.map_err(|error| match error {
+    let rendering = rendered.map_err(|error| match error {
         RenderError::NoSuchView { .. } => invalid(error),
         error => failed(error),
     })?;
     Ok(Rendering {
+        renderer,
         rendering,
-        error_exr,
         seconds: began.elapsed().as_secs_f64(),
     })
 }

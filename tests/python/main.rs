@@ -22,6 +22,13 @@ fn the_quickstart_notebook_runs() {
     place.pytest(&["tests/python/notebook"]);
 }
 
+#[test]
+#[ignore = "needs PyTorch, 5 GB: tests/python.sh installs and runs it"]
+fn loaders_of_pytorch_read_a_store() {
+    let place = Installed::new();
+    place.pytest(&["tests/python/torch"]);
+}
+
 /// A folder that Python imports the package from.
 struct Installed(tempfile::TempDir);
 

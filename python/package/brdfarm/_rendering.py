@@ -28,8 +28,6 @@ class Rendering:
     """The BLAKE3 digest of the EXR file: that of the command's file."""
     exr: bytes
     """The EXR file."""
-    error_exr: bytes
-    """The errors as an EXR file of one channel, `error`."""
     integrator: str
     """'hybrid' or 'path'. The path tracer renders also what the hybrid integrator cannot."""
     error_mean: float
@@ -46,6 +44,12 @@ class Rendering:
     """Evaluations of the hybrid integrator."""
     seconds: float
     """How long it took."""
+    _native: _native.Rendering
+
+    @property
+    def error_exr(self) -> bytes:
+        """The errors as an EXR file of one channel, `error`: what the command's `--error-out` writes."""
+        return self._native.error_exr()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the EXR file."""
@@ -99,7 +103,6 @@ def render(
         error=rounded,
         digest=native.digest(),
         exr=native.exr(),
-        error_exr=native.error_exr(),
         integrator=native.integrator(),
         error_mean=mean,
         error_p95=p95,
@@ -108,4 +111,5 @@ def render(
         samples=samples,
         evaluations=evaluations,
         seconds=native.seconds(),
+        _native=native,
     )

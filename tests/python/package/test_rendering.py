@@ -18,8 +18,10 @@ def test_twenty_digests_are_the_commands(spec, command, tmp_path):
         for view in range(3):
             if material == 6 and view == 2:
                 continue
-            said = command("render", "--spec", "spec.toml", "--material", material, "--view", view, "--out", "a.exr")
+            arguments = ["--spec", "spec.toml", "--material", material, "--view", view]
+            said = command("render", *arguments, "--out", "a.exr", "--error-out", "error.exr")
             image = brdfarm.render(spec, spec.material(material), view)
+            assert image.error_exr == (tmp_path / "error.exr").read_bytes()
             assert image.digest == said.split()[0]
             assert image.exr == (tmp_path / "a.exr").read_bytes()
 
