@@ -10,4 +10,4 @@ store="${1:-store}"
 shift || true
 deploy/fetch-embree.sh
 cargo build --release
-target/release/brdfarm run --materials 12 --store "$store" "$@"
+"${CARGO_TARGET_DIR:-target}/release/brdfarm" run --materials 12 --store "$store" "$@"

@@ -5,7 +5,7 @@
 #
 #   deploy/first-network.sh [FOLDER [ARGUMENTS OF brdfarm train ...]]
 #
-# FIRST_NETWORK_MATERIALS=N takes so many materials instead.
+# FIRST_NETWORK_MATERIALS=N renders N materials instead.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fuzzes every target, each for so many seconds (60), or those that are named, from the seeds and
+# Fuzzes every target, each for SECONDS (60), or those that are named, from the seeds and
 # the inputs in fuzz/corpus on. What it finds stands in fuzz/libfuzzer/artifacts; an input that
 # failed belongs into fuzz/corpus once its fault is mended. Needs `cargo install cargo-fuzz` and a
 # C++ compiler; no nightly toolchain.

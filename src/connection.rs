@@ -16,19 +16,19 @@ use tonic::{Code, Request, Response, Status};
 /// The largest token or certificate file, bytes.
 const CREDENTIAL_BYTES_MAX: u64 = 64 << 10;
 
-/// Where a coordinator listens that was told nothing else.
+/// The default URL of a coordinator.
 const COORDINATOR_DEFAULT: &str = "http://127.0.0.1:7117";
 
-/// The folder of a store that was given no other.
+/// The default folder of a store.
 const STORE_DEFAULT: &str = "store";
 
-/// Whom a client believes and what it shows.
+/// How a client checks the coordinator, and what it shows.
 #[derive(Clone, Debug, Args)]
 pub struct CredentialOptions {
-    /// A folder with what this side shows and believes: token, authority.pem, and certificate.pem
-    /// with key.pem where the coordinator asks for one; what is not there is not used. `brdfarm
-    /// credentials` makes such folders. The token can also stand in BRDFARM_TOKEN, and never on the
-    /// command line, which other users of the machine can read
+    /// A folder that `brdfarm credentials` made: the token to show, authority.pem to check the
+    /// coordinator with, and certificate.pem with key.pem if the coordinator asks for one. Files that
+    /// are missing are not used. The token can also be in BRDFARM_TOKEN, but not on the command line,
+    /// which other users of the machine can read
     #[arg(long, value_name = "DIR", env = "BRDFARM_CREDENTIALS")]
     credentials: Option<PathBuf>,
 }
@@ -36,8 +36,8 @@ pub struct CredentialOptions {
 /// Which coordinator a command speaks to.
 #[derive(Clone, Debug, Args)]
 pub struct CoordinatorOptions {
-    /// The coordinator [default: whoever serves the store in the folder `store`, else
-    /// http://127.0.0.1:7117]
+    /// The coordinator's URL [default: that of the process that serves the store in the folder
+    /// `store`, else http://127.0.0.1:7117]
     #[arg(long = "coordinator", value_name = "URL", env = "BRDFARM_COORDINATOR")]
     url: Option<String>,
     /// Who serves the store that was meant.
@@ -88,7 +88,7 @@ impl CoordinatorOptions {
         }
     }
 
-    /// Whom a store's lock file names, where nobody named a coordinator.
+    /// The process that the lock file of the default store names, if no coordinator was given.
     fn found(&self) -> Option<Holder> {
         let by_default = || match self.url {
             Some(_) => None,
@@ -105,8 +105,8 @@ impl CoordinatorOptions {
         }
     }
 
-    /// What is shown to the coordinator, and whom to believe. Whoever holds a store's lock can write
-    /// any address into it: one that proves nothing by a certificate is shown no token.
+    /// The credentials for this coordinator. Anyone who holds a store's lock can write any address
+    /// into it, so an address without TLS that was found there is shown no token.
     pub fn credentials(&self) -> anyhow::Result<Credentials> {
         let mut credentials = self.credentials.load()?;
         if self

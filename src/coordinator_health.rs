@@ -7,15 +7,15 @@ use tonic::Response;
 
 /// Ask a coordinator whether it serves
 ///
-/// Asks the standard health service, which wants no token; for probes that cannot speak TLS
-/// themselves. Prints nothing and exits with 0 where it serves, with 1 where it does not or does not
-/// answer. It does not serve while what keeps its jobs, such as a database, does not answer; its log
-/// says why.
+/// Asks the standard health service, which needs no token; for probes that cannot speak TLS
+/// themselves. Prints nothing. Exits with 0 if the coordinator serves, and with 1 if it does not serve
+/// or does not answer. A coordinator does not serve while its job store, such as a database, does not
+/// answer; its log says why.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Ask only whether it answers: to start one anew because its database is away helps nobody
+    /// Ask only whether it answers, because restarting it would not bring its database back
     #[arg(long)]
     alive: bool,
 }
@@ -32,7 +32,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         let answer = answer.map_err(|status| options.coordinator.error(&status))?;
         anyhow::ensure!(
             options.alive || answer.status() == ServingStatus::Serving,
-            "the coordinator answers, and does not serve: its log says why"
+            "the coordinator answers but does not serve: its log says why"
         );
         Ok(())
     })

@@ -26,38 +26,38 @@ pub enum Command {
 
 /// Hand out jobs to workers and keep what they render
 ///
-/// Serves until it is asked to stop, or until the dataset is complete with --exit-when-complete. A
-/// store that exists is resumed; asking for more materials grows it.
+/// Serves until it is asked to stop or, with --exit-when-complete, until the dataset is complete. An
+/// existing store is resumed; a larger --materials grows it.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
-    /// The folder that images, labels and ledger live in; or, for any number of coordinators, the
-    /// PostgreSQL database of labels and ledger. Its password comes from PGPASSWORD or a password
+    /// The store: a folder with images, labels and ledger, or, for any number of coordinators, a
+    /// PostgreSQL database with labels and ledger. Its password comes from PGPASSWORD or a password
     /// file
     #[arg(long, default_value = "store", value_name = store_name::VALUE,
           value_parser = store_name::parser())]
     store: StoreName,
-    /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
-    /// az://CONTAINER/PREFIX. Workers send them there themselves. Keys and endpoints come from the
-    /// environment, as AWS_ACCESS_KEY_ID; the store remembers the place. Where --store is a
-    /// database, also a folder that all coordinators reach
+    /// Where to keep images instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// az://CONTAINER/PREFIX, to which workers upload directly; if --store is a database, also a folder
+    /// that all coordinators reach. Keys and endpoints come from the environment, such as
+    /// AWS_ACCESS_KEY_ID. The store remembers the place
     #[arg(long, value_name = "URL|DIR")]
     blobs: Option<BlobsPlace>,
-    /// Where to listen; port 0 takes a free one. The URL for workers is printed
+    /// The address to listen on; port 0 takes a free one. Prints the URL for workers
     #[arg(long, default_value = "127.0.0.1:7117", value_name = "IP:PORT")]
     listen: SocketAddr,
-    /// A folder with certificate.pem, key.pem and tokens, and with client-authority.pem where
-    /// clients have to show a certificate; `brdfarm credentials` makes it
+    /// A folder with certificate.pem, key.pem and tokens, and with client-authority.pem if clients
+    /// must show a certificate. `brdfarm credentials` makes it
     #[arg(long, value_name = "DIR")]
     credentials: Option<PathBuf>,
-    /// Allow an address that other machines reach, without encryption and without tokens
+    /// Allow an address that other machines can reach, without encryption and without tokens
     #[arg(long)]
     insecure: bool,
-    /// Serve Prometheus metrics at http://IP:PORT/metrics, to everybody who can reach it
+    /// Serve Prometheus metrics at http://IP:PORT/metrics, to everyone who can reach it
     #[arg(long, value_name = "IP:PORT")]
     metrics: Option<SocketAddr>,
-    /// How long a worker may be silent before its work is given to others
+    /// How long a worker may be silent before its job is given to another worker
     #[arg(long, default_value_t = limits::LEASE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
     lease_seconds: u64,
@@ -65,14 +65,14 @@ pub struct Options {
     #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
-    /// Room that stays free on the disk of the store, MiB. With less, nothing new is taken in until
-    /// there is room again
+    /// Space to keep free on the disk of the store, MiB. With less, nothing new is accepted until there
+    /// is space again
     #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     disk_reserve_mib: u64,
-    /// Percent of the materials that a second worker renders again; if images or statistics differ, a
-    /// third decides and whoever was wrong is blocked. With credentials, the first materials of each
-    /// and some of each at the end are rendered again as well. 0 believes everybody
+    /// Percentage of materials rendered a second time by another worker. If images or statistics
+    /// differ, a third worker decides and the liar is blocked. With credentials, the first materials of
+    /// each and a few of each at the end are rendered again as well. 0 trusts every worker
     #[arg(long, default_value_t = f64::from(limits::REDUNDANT_PER_MILLION) / 1e4,
           value_name = "PERCENT", value_parser = percent)]
     check_percent: f64,
@@ -147,7 +147,7 @@ fn percent(text: &str) -> Result<f64, String> {
     let percent = text.parse().ok();
     percent
         .filter(|percent| (0.0..=100.0).contains(percent))
-        .ok_or_else(|| "a number from 0 to 100 is wanted".to_owned())
+        .ok_or_else(|| "a percentage is a number from 0 to 100".to_owned())
 }
 
 async fn serve(
@@ -174,13 +174,13 @@ async fn serve(
             finished.map_err(anyhow::Error::from).and_then(|progress| {
                 anyhow::ensure!(
                     progress.counts.disputed == 0,
-                    "{} delivered differently by two workers, and nobody is left to decide: serve \
-                     again, then `brdfarm jobs resolve`",
+                    "{} rendered differently by two workers, and no third worker is left to \
+                     decide: serve again, then give `brdfarm jobs resolve`",
                     count(progress.counts.disputed, "material")
                 );
                 anyhow::ensure!(
                     progress.counts.quarantined == 0,
-                    "{} of {} failed too often and were quarantined",
+                    "{} of {} quarantined after repeated failures",
                     progress.counts.quarantined,
                     count(progress.counts.materials, "material")
                 );
@@ -203,7 +203,7 @@ async fn serve(
     Ok(told?)
 }
 
-/// A farm has a connection a worker, and the system's first limit is low.
+/// Raises the limit on open files, because each worker has a connection and the default limit is low.
 fn raise_open_files() {
     let limit = getrlimit(Resource::Nofile);
     let raised = Rlimit {

@@ -28,28 +28,28 @@ const ROLES: [&str; 3] = ["worker", "operator", "reader"];
 
 /// Make certificates and tokens for a farm
 ///
-/// Makes an authority that signs what is made here and nothing after, and writes a folder for each
-/// side: coordinator, worker, operator, reader. Serve with --credentials DIR/coordinator, and copy
-/// to each machine the one folder of what runs there.
+/// Makes an authority whose key is not kept, and writes a folder for each role: coordinator, worker,
+/// operator, reader. Serve with --credentials DIR/coordinator. Copy to each machine only the folder of
+/// the role that runs there.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The folder to make
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// A name or address under which the coordinator is reached, as in its URL; can be repeated.
-    /// localhost and 127.0.0.1 are always among them
+    /// A name or address of the coordinator, as in its URL; can be repeated. localhost and 127.0.0.1
+    /// are always included
     #[arg(long = "host", value_name = "NAME", value_parser = host)]
     hosts: Vec<String>,
     /// How long the certificates are valid
     #[arg(long, default_value_t = 365, value_name = "DAYS",
           value_parser = clap::value_parser!(u64).range(1..=3650))]
     days: u64,
-    /// Let nobody in without a certificate of this authority, whatever token they have
+    /// Refuse every client without a certificate of this authority, even with a valid token
     #[arg(long)]
     mutual_tls: bool,
-    /// Makes a credential of its own for a worker, in DIR/workers/NAME; can be repeated, and adds to a
-    /// folder that is there already. Whoever has a credential answers for all that is delivered with
-    /// it: give each machine, or each person, one of its own
+    /// Make a separate credential for a worker, in DIR/workers/NAME; can be repeated, and adds to an
+    /// existing folder. The farm holds a credential responsible for everything that is delivered with
+    /// it, so give each machine, or each person, its own
     #[arg(long = "worker", value_name = "NAME")]
     workers: Vec<String>,
 }
@@ -59,7 +59,10 @@ fn host(text: &str) -> Result<String, String> {
     let name = text.strip_prefix("*.").unwrap_or(text);
     match ServerName::try_from(name) {
         Ok(_) => Ok(text.to_owned()),
-        Err(_) => Err("no name or address of a host, such as farm.lab.org or 10.0.0.7".to_owned()),
+        Err(_) => Err(
+            "this is not the name or address of a host, such as farm.lab.org or 10.0.0.7"
+                .to_owned(),
+        ),
     }
 }
 
@@ -70,7 +73,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     if folder.exists() {
         if options.workers.is_empty() {
             let what = format!(
-                "{} is there already: choose a new folder, or add workers to it with --worker",
+                "{} already exists: choose a new folder, or add workers to it with --worker",
                 folder.display()
             );
             return Err(BadInput(what).into());
@@ -128,7 +131,7 @@ fn add_workers(options: &Options) -> anyhow::Result<()> {
             .lines()
             .any(|line| line.split(' ').nth(2) == Some(name));
         if taken || options.folder.join("workers").join(name).exists() {
-            return Err(BadInput(format!("--worker {name}: there is one already")).into());
+            return Err(BadInput(format!("--worker {name}: this worker already exists")).into());
         }
     }
     let authority = authority(options.days)?;
@@ -141,7 +144,7 @@ fn add_workers(options: &Options) -> anyhow::Result<()> {
     append(&tokens, &lines)?;
     writeln!(
         io::stdout(),
-        "{} in {}/workers; start the coordinator again, so that it knows them",
+        "{} in {}/workers; restart the coordinator so that it knows them",
         count(options.workers.len() as u64, "worker"),
         options.folder.display()
     )?;

@@ -25,17 +25,17 @@ use training::model::Model;
 
 /// Estimate a material from two photographs
 ///
-/// The photographs are OpenEXR with linear values, or PNG or JPEG, whose codes are taken as sRGB. A
-/// person marks the sample's four corners in each, and the chart's where it stands in the scene, which
-/// tells the exposure. Writes material.json (for `brdfarm render --material-file`), posterior.json and
-/// preview.png: each photograph, its sample, and beside it the sample that was found, rendered.
+/// The photographs are OpenEXR with linear values, or PNG or JPEG, whose codes are taken as sRGB. Mark
+/// the four corners of the sample in each, and those of the colour chart if it is in the scene, because
+/// it shows the exposure. Writes material.json (for `brdfarm render --material-file`), posterior.json
+/// and preview.png: each photograph, its sample, and next to it the rendered estimate.
 ///
 /// Corners are eight numbers, x and y in pixels from the top left corner of the photograph: near left,
 /// near right, far right, far left, as the camera sees them. Films that brdfarm rendered under the
 /// model's specification need neither corners nor gain.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// A model that `brdfarm train` wrote, or the folder that it is in
+    /// A model that `brdfarm train` wrote, or its folder
     #[arg(value_name = "MODEL", value_parser = model_file())]
     model: PathBuf,
     /// The photograph from the side; in the preset 30 degrees above the horizon
@@ -44,7 +44,7 @@ pub struct Options {
     /// The photograph from above
     #[arg(value_name = "ABOVE")]
     above: PathBuf,
-    /// Where to
+    /// The folder to write to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// The sample's corners in the oblique photograph
@@ -56,28 +56,28 @@ pub struct Options {
     /// The chart's corners in the oblique photograph; they may lie beside it
     #[arg(long, value_name = "CORNERS", conflicts_with = "gain")]
     oblique_chart: Option<Corners>,
-    /// The chart's corners in the photograph from above. A photograph without a chart counts as
-    /// exposed like the other
+    /// The chart's corners in the photograph from above. A photograph without a chart is assumed to
+    /// have the exposure of the other
     #[arg(long, value_name = "CORNERS", conflicts_with = "gain")]
     above_chart: Option<Corners>,
-    /// What a perfect white diffuser that faces the bulb has in both photographs, linear: one number,
-    /// or three for red, green and blue
+    /// The linear value in both photographs of a perfect white diffuser that faces the bulb: one
+    /// number, or three for red, green and blue
     #[arg(long, value_name = "GAIN")]
     gain: Option<GainArgument>,
-    /// Let the renderer decide: from the reading, fit material, light, cameras and exposure to the
-    /// pixels of both photographs. Takes up to a minute of a core
+    /// Refine the network's reading with the renderer: fit material, light, cameras and exposure to
+    /// the pixels of both photographs. Takes up to a minute of a core
     #[arg(long)]
     refine: bool,
-    /// With --refine: light and cameras stand exactly where the specification says
+    /// With --refine: light and cameras are exactly at the positions of the specification
     #[arg(long, requires = "refine")]
     geometry_known: bool,
-    /// How distributions over bins become values
+    /// How a distribution over bins becomes a value
     #[arg(long, value_enum, default_value = "unbiased")]
     reading: ReadingName,
-    /// What computes: cpu, cuda, cuda:1
+    /// The device that computes: cpu, cuda, cuda:1
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
@@ -209,7 +209,7 @@ fn exposure(options: &Options, shots: &[Shot; 2]) -> Result<Exposure, BadInput> 
     }
 }
 
-/// What posterior.json holds.
+/// The content of posterior.json.
 #[derive(Serialize)]
 struct Posterior<'a> {
     /// The gains of red, green and blue in the oblique photograph and in the one from above.

@@ -27,28 +27,27 @@ use training::pixels::encoding::Encoding;
 /// The name of the built-in specification on the command line.
 const PRESET: &str = "preset";
 
-/// Judge trained networks on the test split
+/// Evaluate trained networks on the test split
 ///
-/// Every model estimates the test materials from their two photographs. The estimates are rendered
-/// again in all views and compared with the truth, beside estimators that learn nothing. Writes
+/// Every model estimates the test materials from their two photographs. The estimates are rendered in
+/// all views and compared with the true images, beside estimators that learn nothing. Writes
 /// errors.csv, parameters.csv, errors.svg and report.html.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Models that `brdfarm train` wrote, or the folders that they are in; each is called as its
-    /// folder
+    /// Models that `brdfarm train` wrote, or their folders. Each model has the name of its folder
     #[arg(value_name = "MODEL", value_parser = model_file())]
     models: Vec<PathBuf>,
     /// The export that they were trained on
     #[arg(long, value_name = "EXPORT")]
     data: PathBuf,
-    /// Where to
+    /// The folder to write to
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// The specification in whose views estimates are judged, a TOML file, or preset [default: that of
-    /// the export]
+    /// The specification whose views are rendered: a TOML file, or preset [default: that of the
+    /// export]
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
-    /// How many materials of the test split, from its beginning; 0 takes all
+    /// The number of materials of the test split, from its beginning; 0 takes all
     #[arg(long, default_value_t = 0, value_name = "N")]
     materials: usize,
     /// Estimators that learn nothing: the median of every parameter; the training material whose
@@ -62,24 +61,24 @@ pub struct Options {
         default_value = "guess,nearest"
     )]
     baselines: Vec<Baseline>,
-    /// What `brdfarm dataset observability` wrote of the same specification, with the two views as a
-    /// set: errors are then compared with what any estimator can reach
+    /// A table from `brdfarm dataset observability` of the same specification that has the two views
+    /// as a set. Errors are then compared with the bounds
     #[arg(long, value_name = "FILE.parquet")]
     observability: Option<PathBuf>,
-    /// How distributions over bins become values
+    /// How a distribution over bins becomes a value
     #[arg(long, value_enum, default_value = "unbiased")]
     reading: ReadingName,
     /// The two views, where the export has more
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
-    /// Pixels a side of the photographs where no model says it
+    /// Pixels a side of the photographs if no model is given
     #[arg(long, default_value_t = 32, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=2048))]
     side: u32,
-    /// What computes: cpu, cuda, cuda:1
+    /// The device that computes: cpu, cuda, cuda:1
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,

@@ -1,4 +1,4 @@
-//! `brdfarm jobs`: what became of each material, and what is to become of it.
+//! `brdfarm jobs`: shows and changes the state of jobs.
 
 use crate::connection::CoordinatorOptions;
 use crate::failure::BadInput;
@@ -29,18 +29,18 @@ pub enum Command {
 pub struct List {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Only those in this state
+    /// Only jobs in this state
     #[arg(long, value_enum)]
     state: Option<State>,
-    /// Only these, as in 3,5-9
+    /// Only these materials, as in 3,5-9
     #[arg(long, value_name = "LIST")]
     materials: Option<IndexList>,
-    /// Print JSON, an object a line
+    /// Print JSON, one object a line
     #[arg(long)]
     json: bool,
 }
 
-/// Show everything known of one job
+/// Show everything that is known about one job
 #[derive(Debug, Args)]
 pub struct Show {
     #[command(flatten)]
@@ -51,41 +51,41 @@ pub struct Show {
     json: bool,
 }
 
-/// Give jobs that were quarantined or cancelled another chance
+/// Put quarantined or cancelled jobs back into the queue
 #[derive(Debug, Args)]
 pub struct Retry {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Which, as in 3,5-9
+    /// The materials of the jobs, as in 3,5-9
     #[arg(value_name = "LIST", required_unless_present = "all")]
     materials: Option<IndexList>,
-    /// All that were quarantined
+    /// All quarantined jobs
     #[arg(long, conflicts_with = "materials")]
     all: bool,
 }
 
-/// Give up jobs that are not done
+/// Cancel jobs that are not complete
 #[derive(Debug, Args)]
 pub struct Cancel {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Which, as in 3,5-9
+    /// The materials of the jobs, as in 3,5-9
     #[arg(value_name = "LIST")]
     materials: IndexList,
-    /// Only say which would be given up
+    /// Only say which jobs would be cancelled
     #[arg(long)]
     dry_run: bool,
 }
 
-/// Say how soon jobs that wait are handed out
+/// Set the priority of waiting jobs
 #[derive(Debug, Args)]
 pub struct Prioritize {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Which, as in 3,5-9
+    /// The materials of the jobs, as in 3,5-9
     #[arg(value_name = "LIST")]
     materials: IndexList,
-    /// Higher goes first; 0 is what all have
+    /// Jobs with a higher priority are handed out first; the default priority is 0
     #[arg(long, allow_negative_numbers = true, value_name = "N",
           value_parser = clap::value_parser!(i32).range(
               -(limits::protocol::PRIORITY_MAX as i64)..=limits::protocol::PRIORITY_MAX as i64))]
@@ -98,7 +98,9 @@ enum State {
     Leased,
     Completed,
     Disputed,
-    SetAside,
+    // The name of earlier versions goes on working.
+    #[value(alias = "set-aside")]
+    Quarantined,
     Cancelled,
 }
 
@@ -109,7 +111,7 @@ impl From<State> for JobState {
             State::Leased => Self::Leased,
             State::Completed => Self::Completed,
             State::Disputed => Self::Disputed,
-            State::SetAside => Self::SetAside,
+            State::Quarantined => Self::SetAside,
             State::Cancelled => Self::Cancelled,
         }
     }
@@ -305,7 +307,12 @@ fn check_word(job: &JobDetail) -> &'static str {
 }
 
 fn line(job: &JobDetail) -> String {
-    let mut line = format!("{:6}  {:9}", job.material, state_word(job));
+    // In JSON the state keeps the word of earlier versions.
+    let state = match job.state() {
+        JobState::SetAside => "quarantined",
+        _ => state_word(job),
+    };
+    let mut line = format!("{:6}  {state:9}", job.material);
     let mut add = |text: String| {
         line.push_str("  ");
         line.push_str(&text);

@@ -1,4 +1,4 @@
-//! `brdfarm jobs resolve`: what two workers delivered differently is rendered here, which decides.
+//! `brdfarm jobs resolve`: renders disputed materials on this machine, which decides the disputes.
 
 use crate::connection::CoordinatorOptions;
 use crate::plural::count;
@@ -10,15 +10,15 @@ use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
 use worker::{RenderFailure, RendererBackend, Summary, Worker};
 
-/// Decide what two workers delivered differently
+/// Decide disputes: materials that two workers rendered differently
 ///
-/// Renders every disputed material on this machine. Whoever delivered something else is blocked, and
-/// all that it alone vouches for is rendered again by others. Wants an operator's token.
+/// Renders every disputed material on this machine. A worker that delivered something else is blocked,
+/// and everything that only it has confirmed is rendered again by others. Needs an operator's token.
 #[derive(Debug, Args)]
 pub struct Resolve {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Threads to render with; 0 takes one a core
+    /// Threads to render with; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
@@ -30,10 +30,10 @@ pub fn execute(options: &Resolve) -> anyhow::Result<()> {
     let summary = runtime.block_on(resolve(options))?;
     writeln!(
         io::stdout(),
-        "{} decided; `brdfarm workers list` tells who is blocked",
+        "{} decided; `brdfarm workers list` shows which workers are blocked",
         count(summary.materials, "material")
     )?;
-    // What is lost meanwhile was settled by a decision before: its liar is blocked.
+    // A lost lease is no failure: an earlier decision has settled its dispute.
     anyhow::ensure!(
         summary.failures == 0,
         "{} could not be rendered",
@@ -63,7 +63,7 @@ async fn resolve(options: &Resolve) -> anyhow::Result<Summary> {
     };
     let summary = worker.run(asked.clone()).await?;
     if *asked.borrow() {
-        return Err(Stopped("stopped: the same command goes on".to_owned()).into());
+        return Err(Stopped("stopped: the same command resumes".to_owned()).into());
     }
     Ok(summary)
 }

@@ -80,10 +80,10 @@ enum Command {
     Resume(farm_mode::Resume),
     Drain(farm_mode::Drain),
     Credentials(credentials::Options),
-    /// Look at a store, check it, mend it, take out what is in it
+    /// Look at a store, check it, repair it, export it
     #[command(subcommand)]
     Dataset(dataset_command::Command),
-    /// Move a store
+    /// Copy a store
     #[command(subcommand)]
     Store(store_migrate::Command),
     Render(render::Options),

@@ -8,7 +8,7 @@ use std::path::Path;
 /// Makes the folder that `--out` names, before the work and not after it.
 pub fn make_folder(path: &Path) -> anyhow::Result<()> {
     if fs::metadata(path).is_ok_and(|there| !there.is_dir()) {
-        return Err(BadInput(format!("--out {}: this is no folder", path.display())).into());
+        return Err(BadInput(format!("--out {}: this is not a folder", path.display())).into());
     }
     fs::create_dir_all(path).with_context(|| format!("cannot write to {}", path.display()))
 }

@@ -22,14 +22,14 @@ const MATERIAL_FILE_BYTES_MAX: u64 = 1 << 16;
 
 /// Render one view of a material, and write it or check its digest
 ///
-/// The material is one of the set, by seed and index, or stands in a file. The same specification,
-/// seed, material and view give the same bytes on any machine; with --expect the digest is checked,
-/// and nothing is written where it differs. Prints the EXR file's digest and the measured error.
+/// The material is one of the set, given by seed and index, or is in a file. The same specification,
+/// seed, material and view give the same bytes on any machine. --expect checks the digest, and nothing
+/// is written if it differs. Prints the EXR file's digest and the measured error.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SpecificationOptions,
-    /// The store whose specification is meant
+    /// Use the specification of this store
     #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
           conflicts_with = "spec")]
     store: Option<StoreName>,
@@ -44,28 +44,28 @@ pub struct Options {
     /// manifest
     #[arg(long, value_name = "FILE", conflicts_with = "material")]
     material_file: Option<PathBuf>,
-    /// The view's number in the specification, counted from 0
+    /// The view's index in the specification, counted from 0
     #[arg(long, value_name = "NUMBER")]
     view: u32,
-    /// Where to write: an .exr file, or a .png to look at
+    /// The file to write: an .exr file, or a .png file to look at
     #[arg(long, value_name = "FILE", required_unless_present_any = ["expect", "error_out"])]
     out: Option<PathBuf>,
-    /// Where to write the stated error of each pixel: an .exr file with one channel, error, of
+    /// The file for the stated error of each pixel: an .exr file with one channel, error, of
     /// 32-bit floats in units of white. The rounding of the image to 16 bits is not included
     #[arg(long, value_name = "FILE")]
     error_out: Option<PathBuf>,
     /// The BLAKE3 digest that the EXR file must have
     #[arg(long, value_name = "DIGEST")]
     expect: Option<Digest>,
-    /// Print one JSON object: what identifies the image, the digest of its EXR file, and its error
-    /// under the names of the manifest's columns
+    /// Print one JSON object: the identity of the image, the digest of its EXR file, and its error
+    /// statistics, named as the columns of the manifest
     #[arg(long)]
     json: bool,
-    /// What traces the rays: auto, native, embree, or embree with an instruction set, as in
-    /// embree:avx2; the image is the same
+    /// What intersects rays with the scene: auto, native, embree, or embree with an instruction set,
+    /// as in embree:avx2. The image is the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
-    /// Threads to render with; 0 takes one a core
+    /// Threads to render with; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,

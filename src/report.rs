@@ -39,35 +39,35 @@ const QUICK_VIEWS: [u32; 3] = [5, 8, 9];
 /// The reference's relative accuracy with --quick.
 const QUICK_REFERENCE_RELATIVE: f64 = 1e-5;
 
-/// Measure speed against error, and write tables, plots and a page
+/// Measure speed and error of the renderer, and write tables, plots and a page
 ///
-/// Renders hard cases and materials of the preset's sequence in all views, at a ladder of settings
-/// with both integrators, and compares each image with a far finer one. Writes CSV files, plots as
-/// SVG, and report.html, which needs no other file. Takes many minutes; --quick takes seconds and
-/// the other options narrow it.
+/// Renders hard cases and materials of the preset's sequence in all views, over a range of settings of
+/// both integrators, and compares each image with a far finer one. Writes CSV files, plots as SVG, and
+/// report.html, which needs no other file. Takes many minutes; --quick takes seconds, and the other
+/// options restrict what is measured.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// Which materials: hard, names of hard cases, and indices of the preset's sequence, as in
+    /// The materials: hard, names of hard cases, and indices of the preset's sequence, as in
     /// hard,0-3 or mirror,7 [default: hard,0-3]
     #[arg(long, value_name = "LIST")]
     materials: Option<MaterialList>,
-    /// Which views of the preset, as in 5,8-10 [default: all]
+    /// The views of the preset, as in 5,8-10 [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
     /// The film's side in pixels [default: 64]
     #[arg(long, value_name = "PIXELS",
           value_parser = clap::value_parser!(u32).range(8..=SIZE_PIXELS_MAX))]
     size: Option<u32>,
-    /// One integrator alone
+    /// Only this integrator
     #[arg(long, value_enum, value_name = "NAME")]
     integrator: Option<Integrator>,
-    /// The relative accuracy of what images are compared with [default: 1e-6]
+    /// The relative accuracy of the reference images [default: 1e-6]
     #[arg(long, value_name = "ACCURACY", value_parser = parse_reference)]
     reference: Option<f64>,
-    /// Shorter ladders on a small film: three hard cases, three views, unless named
+    /// Fewer settings on a small film: three hard cases and three views, unless others are given
     #[arg(long)]
     quick: bool,
-    /// Views rendered at a time, each on one thread; 0 takes one a core
+    /// Views rendered at a time, each on one thread; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,

@@ -26,36 +26,36 @@ const SHEET_MATERIALS_MAX: u32 = 12;
 ///
 /// Coordinator and workers run in this one process.
 ///
-/// The same command again resumes where it was stopped, and says so when there is nothing to do;
-/// with more --materials it adds to what is there.
+/// Give the same command again to resume where it was stopped. If nothing is left to do, it says so.
+/// A larger --materials adds materials to the store.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
-    /// The folder that images, labels and ledger live in; or the PostgreSQL database of labels and
-    /// ledger, beside others that work on it. Its password comes from PGPASSWORD or a password file
+    /// The store: a folder with images, labels and ledger, or a PostgreSQL database with labels and
+    /// ledger, which others may use too. Its password comes from PGPASSWORD or a password file
     #[arg(long, default_value = "store", value_name = store_name::VALUE,
           value_parser = store_name::parser())]
     store: StoreName,
-    /// Where images live instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
-    /// az://CONTAINER/PREFIX. Keys and endpoints come from the environment, as AWS_ACCESS_KEY_ID;
-    /// the store remembers the place. Where --store is a database, also a folder
+    /// Where to keep images instead of in that folder: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// az://CONTAINER/PREFIX; if --store is a database, also a folder. Keys and endpoints come from the
+    /// environment, such as AWS_ACCESS_KEY_ID. The store remembers the place
     #[arg(long, value_name = "URL|DIR")]
     blobs: Option<BlobsPlace>,
-    /// Workers, each rendering one material at a time; 0 takes one a core
+    /// Number of workers, each rendering one material at a time; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     workers: u64,
-    /// What traces the rays: auto, native or embree; the images are the same
+    /// What intersects rays with the scene: auto, native or embree. The images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
-    /// How long one material may take. A view cannot be interrupted: where it takes longer the run
-    /// says so and ends
+    /// How long one material may take. A view cannot be interrupted: if it takes longer, the run ends
+    /// with an error
     #[arg(long, default_value_t = limits::JOB_DEADLINE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=31_536_000))]
     job_deadline_seconds: u64,
-    /// Room that stays free on the disk of the store, MiB. With less, nothing new is taken in until
-    /// there is room again
+    /// Space to keep free on the disk of the store, MiB. With less, nothing new is accepted until there
+    /// is space again
     #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     disk_reserve_mib: u64,
@@ -91,14 +91,14 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     let images = progress.images - rendered.images_before;
     if rendered.stopped {
         return Err(Stopped(format!(
-            "stopped with {} of {} materials complete: the same command goes on from there",
+            "stopped with {} of {} materials complete: the same command resumes",
             progress.counts.completed, progress.counts.materials
         ))
         .into());
     }
     anyhow::ensure!(
         progress.counts.quarantined == 0,
-        "{} of {} materials failed too often and were quarantined (--log warn tells why): {}",
+        "{} of {} materials quarantined after repeated failures (--log warn says why): {}",
         progress.counts.quarantined,
         progress.counts.materials,
         match &options.store {
@@ -132,8 +132,8 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     sum_up(&store, &mut out)
 }
 
-/// Writes the manifest and the contact sheet where they are missing or no longer tell the truth,
-/// and says where everything is: in the store's folder, or in this one.
+/// Writes the manifest and the contact sheet if they are missing or out of date, and says where
+/// everything is: in the store's folder, or in this one.
 fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
     let path = store.name().folder().unwrap_or(Path::new(""));
     let manifest = path.join("manifest.parquet");
@@ -161,7 +161,7 @@ impl Options {
             // The workers of an earlier run were part of its process, and nobody else knew its address.
             keep_leases: false,
             disk_reserve_bytes: self.disk_reserve_mib << 20,
-            // They share one machine: what it gets wrong it may get wrong twice.
+            // All workers share one machine, so a second rendering could repeat its error.
             redundant_per_million: 0,
             policy: Policy {
                 deadline: Duration::from_secs(self.job_deadline_seconds),

@@ -7,8 +7,8 @@ use std::path::PathBuf;
 /// The dataset's specification.
 #[derive(Clone, Debug, Args)]
 pub struct SpecificationOptions {
-    /// The dataset's specification, a TOML file; what it leaves out, or all without a file, is as
-    /// in the preset maxbrdf
+    /// The dataset's specification, a TOML file. Fields that it leaves out are as in the preset
+    /// maxbrdf [default: the preset]
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
 }
@@ -26,8 +26,8 @@ impl SpecificationOptions {
 /// The specification of a set that is to be rendered, and how much of it.
 #[derive(Clone, Debug, Args)]
 pub struct SetOptions {
-    /// The dataset's specification, a TOML file; what it leaves out is as in the preset maxbrdf.
-    /// Without a file a store that is there goes on with its own, and a new one takes the preset
+    /// The dataset's specification, a TOML file. Fields that it leaves out are as in the preset
+    /// maxbrdf [default: that of the existing store, or the preset for a new one]
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
     /// How many materials the set has [default: as many as the specification says]

@@ -1,4 +1,4 @@
-//! `brdfarm status`: how far the farm is.
+//! `brdfarm status`: the progress of a farm.
 
 use crate::connection::CoordinatorOptions;
 use crate::plural::{count, time};
@@ -11,26 +11,26 @@ use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 use tonic::{Request, Response};
 
-/// Show how far the farm is
+/// Show the progress of a farm, of a `brdfarm run`, or of a store
 ///
-/// Exit code 1 where materials failed too often and were quarantined, or where the coordinator does
-/// not answer.
+/// Exits with 1 if materials are quarantined, if disputes remain at the end, or if the coordinator
+/// does not answer.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// The store that is meant: whoever serves it here is asked, whatever --coordinator says, and where
-    /// nobody does the store tells what is in it
+    /// A store. The process that serves it on this machine is asked, and --coordinator is ignored. If
+    /// no process serves it, the store itself is read
     #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser())]
     store: Option<StoreName>,
-    /// Show it again and again, until nothing is left to do
+    /// Repeat until nothing is left to do
     #[arg(long)]
     watch: bool,
-    /// Seconds between two looks
+    /// Seconds between two updates
     #[arg(long, default_value_t = 1, value_name = "SECONDS", requires = "watch",
           value_parser = clap::value_parser!(u64).range(1..=3600))]
     interval: u64,
-    /// Print JSON, an object a line
+    /// Print JSON, one object a line
     #[arg(long)]
     json: bool,
 }
@@ -74,7 +74,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     })
 }
 
-/// What a store says of itself while nobody in reach serves it.
+/// The progress of a store that no process on this machine serves.
 fn show_store(name: &StoreName, json: bool, out: &mut impl Write) -> anyhow::Result<()> {
     let store = ReadOnlyStore::open(name)?;
     let specification = store.specification();
@@ -96,7 +96,7 @@ fn show_store(name: &StoreName, json: bool, out: &mut impl Write) -> anyhow::Res
     }
     let state = match store.materials_missing() {
         0 => "complete",
-        _ => "not served: `brdfarm run` or a coordinator goes on with it",
+        _ => "not served: `brdfarm run` or a coordinator resumes it",
     };
     writeln!(out, "{} ({state})", specification.name)?;
     let materials = specification.materials;
@@ -124,14 +124,14 @@ fn trouble(status: &StatusResponse) -> anyhow::Result<()> {
     let counts = status.counts.unwrap_or_default();
     anyhow::ensure!(
         !status.finished || counts.disputed == 0,
-        "{} delivered differently by two workers, and nobody is there to decide: `brdfarm jobs \
-         resolve` renders them here",
+        "{} rendered differently by two workers, and no third worker is present to decide: \
+         `brdfarm jobs resolve` renders them on this machine",
         count(counts.disputed, "material")
     );
     let set_aside = counts.set_aside;
     anyhow::ensure!(
         set_aside == 0,
-        "{} failed too often and quarantined: `brdfarm jobs show` tells why, `brdfarm jobs retry \
+        "{} quarantined after repeated failures: `brdfarm jobs show` says why, `brdfarm jobs retry \
          --all` tries again",
         count(set_aside, "material")
     );
@@ -156,11 +156,11 @@ fn write_for_people(status: &StatusResponse, out: &mut impl Write) -> io::Result
         counts.completed, counts.materials, counts.leased, counts.pending
     )?;
     for (number, what) in [
-        (counts.set_aside, "quarantined after too many failures"),
+        (counts.set_aside, "quarantined after repeated failures"),
         (counts.cancelled, "cancelled"),
         (
             counts.disputed,
-            "delivered differently by two workers: a third decides, or `brdfarm jobs resolve`",
+            "rendered differently by two workers: a third decides, or `brdfarm jobs resolve`",
         ),
         (counts.checks, "to be rendered again by another worker"),
     ] {

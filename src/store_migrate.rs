@@ -16,19 +16,19 @@ pub enum Command {
 
 /// Copy a store into another: folder or database, images in a folder or a bucket
 ///
-/// Copies specification, labels, images, and what became of each material and worker; leases end.
-/// Nobody may be at work on either. Every image is checked when it is read, and read back after it
-/// is written; in the end all records are compared. Stopped, the same command goes on, and until it
-/// is done the copy is of no use to any other. The source stays as it is.
+/// Copies the specification, the labels, the images, and the history of each job and worker, but no
+/// leases. No coordinator or worker may be using either store. Every image is checked when it is read,
+/// and read back after it is written; in the end all records are compared. If the command is stopped,
+/// give it again to resume. Until it is done no other command opens the copy. FROM stays as it is.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The store to copy
     #[arg(value_name = store_name::VALUE, value_parser = store_name::parser())]
     from: StoreName,
-    /// The copy: an empty or a new folder, an empty database, or a copy to go on with
+    /// The copy: an empty or a new folder, an empty database, or an unfinished copy to resume
     #[arg(value_name = store_name::VALUE, value_parser = store_name::parser())]
     to: StoreName,
-    /// Where images of the copy live: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
+    /// Where to keep images of the copy: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX or
     /// az://CONTAINER/PREFIX; for a database, also a folder [default: in the folder of the copy]
     #[arg(long, value_name = "URL|DIR")]
     blobs: Option<BlobsPlace>,

@@ -9,8 +9,8 @@ use tracing_subscriber::EnvFilter;
 /// Where logs go and what they say.
 #[derive(Debug, Args)]
 pub struct LogOptions {
-    /// What to log to standard error: error, warn, info, debug or trace, also by part, as in
-    /// coordinator=debug,warn
+    /// What to log to standard error: error, warn, info, debug or trace; also for a part of the
+    /// program, as in coordinator=debug,warn
     #[arg(
         long,
         global = true,
@@ -22,7 +22,7 @@ pub struct LogOptions {
         hide_env_values = true
     )]
     log: String,
-    /// How logs are written
+    /// The format of the logs
     #[arg(
         long,
         global = true,

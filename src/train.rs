@@ -26,24 +26,24 @@ use training::variant::Variant;
 ///
 /// Reads an export of rectified pairs (`brdfarm dataset export EXPORT --layout files --views 5,8
 /// --rectified 64`) and writes model.safetensors, log.csv and curves.svg. The same export, options
-/// and seed give the same bytes on one processor. Every epoch ends with a checkpoint: stopped, the
-/// same command goes on from the last one.
+/// and seed give the same bytes on one processor. Every epoch ends with a checkpoint. If the training
+/// is stopped, the same command resumes from the last one.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The export
     #[arg(value_name = "EXPORT")]
     export: PathBuf,
-    /// Where to: a new or an empty folder, or that of a training to go on with
+    /// The folder to write to: a new or an empty one, or that of a training to resume
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Sizes, encoding, colours, optimiser and epochs: as in the paper, or what two processor cores
-    /// or a GPU train best
+    /// Sizes, encoding, colours, optimiser and epochs: as in the paper (paper), or chosen for two
+    /// processor cores (cpu) or a GPU (best)
     #[arg(long, default_value = "cpu", value_name = "PRESET",
           value_parser = named::<Preset>(&["paper", "cpu", "best"]))]
     preset: Preset,
     /// What is trained: one CNN on photographs as they are (cnn0) or whitened (cnnw), cnn0 with
-    /// R, A, psi and N_d weighted twice, the paper's nested blocks, or a control: one block on the
-    /// features of both CNNs (flat), blocks that are not told what others found (separate)
+    /// R, A, psi and N_d weighted twice (weights), the paper's nested blocks (nested), or a control: one
+    /// block on the features of both CNNs (flat), or blocks without the others' results (separate)
     #[arg(long, default_value = "nested", value_name = "VARIANT",
           value_parser = named::<Variant>(
               &["cnn0", "cnnw", "weights", "nested", "flat", "separate"]))]
@@ -51,11 +51,11 @@ pub struct Options {
     /// The two views, where the export has more
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
-    /// How labels write colours [default: the preset's]
+    /// The colour space of the labels [default: the preset's]
     #[arg(long, value_name = "COLOURS",
           value_parser = named::<Colours>(&["lab", "rgb", "scaled"]))]
     colours: Option<Colours>,
-    /// How pixels are encoded [default: the preset's]
+    /// The encoding of pixels [default: the preset's]
     #[arg(long, value_name = "ENCODING",
           value_parser = named::<Encoding>(&["srgb", "log"]))]
     encoding: Option<Encoding>,
@@ -63,8 +63,8 @@ pub struct Options {
     #[arg(long, default_value = "dataset", value_name = "WHICH",
           value_parser = named::<Whiten>(&["dataset", "image"]))]
     whiten: Whiten,
-    /// How much the loss of each parameter counts: the same in every material, as in the paper, or as
-    /// much as the material's two photographs show of it, which --observability says
+    /// The weight of each parameter's loss: the same for every material, as in the paper, or according
+    /// to what the material's two photographs show about it, which needs --observability
     #[arg(
         long,
         value_enum,
@@ -72,7 +72,7 @@ pub struct Options {
         requires_if("observable", "observability")
     )]
     weights: WeightsName,
-    /// What `brdfarm dataset observability` wrote, with the two views as a set
+    /// A table from `brdfarm dataset observability` that has the two views as a set
     #[arg(long, value_name = "FILE.parquet")]
     observability: Option<PathBuf>,
     /// Add a camera's noise while training: Gaussian, of a standard deviation of 0 to 4 steps of an
@@ -88,21 +88,21 @@ pub struct Options {
     /// Epochs of a block, at most [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     block_epochs: Option<u32>,
-    /// Epochs without a better excess on the validation split after which a network is finished
+    /// A network is finished after this many epochs without a better excess on the validation split
     #[arg(long, value_name = "N", default_value_t = 20,
           value_parser = clap::value_parser!(u32).range(1..=100_000))]
     patience: u32,
-    /// Take the CNNs that a training of another variant with the same other options has finished,
-    /// instead of training them again: they are the same, to the byte
+    /// Reuse the finished CNNs in this folder of a training of another variant. All other options must
+    /// be the same; the CNNs are then the same to the byte
     #[arg(long, value_name = "DIR")]
     cnns: Option<PathBuf>,
-    /// Write the log as TensorBoard's event files too, into DIR/tensorboard
+    /// Also write the log as TensorBoard's event files, into DIR/tensorboard
     #[arg(long)]
     tensorboard: bool,
-    /// What computes: cpu, or cuda, cuda:1 where the program was built with the feature cuda
+    /// The device that computes: cpu; or cuda or cuda:1 if the program was built with the feature cuda
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
@@ -110,9 +110,9 @@ pub struct Options {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum WeightsName {
-    /// As the variant says
+    /// The weights of the variant
     Paper,
-    /// As much as photographs show
+    /// The observable weights of the two photographs
     Observable,
 }
 

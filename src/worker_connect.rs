@@ -19,30 +19,30 @@ pub enum Command {
 /// Render for a coordinator until nothing is left to do
 ///
 /// Leases materials, renders their views and delivers the images. Waits half a minute for a
-/// coordinator that does not answer yet, and an hour for one that goes away.
+/// coordinator that does not answer yet, and an hour for one that stops answering.
 ///
-/// Asked to stop (Ctrl-C, SIGTERM) it delivers what is rendered and hands back the rest; asked
-/// again it ends at once, and the coordinator gives its work to others when its leases run out.
+/// When asked to stop (Ctrl-C, SIGTERM) it delivers what is rendered and hands back the rest. When
+/// asked again it ends at once, and the coordinator gives its jobs to others when their leases expire.
 #[derive(Debug, Args)]
 pub struct Options {
-    /// The coordinator, as in http://127.0.0.1:7117; or several of one farm, any of which is asked,
-    /// and another where it goes away
+    /// The coordinator, as in http://127.0.0.1:7117; or several coordinators of one farm. If one fails,
+    /// the worker turns to the next
     #[arg(value_name = "URL", required = true)]
     urls: Vec<String>,
-    /// The worker's name: failures and blocks are counted by it, so one that stays the same when the
-    /// worker starts again is better [default: the machine's name and the process's number]
+    /// The worker's name. Failures and blocks are counted for it, so choose one that stays the same
+    /// when the worker restarts [default: the machine's name and the process's number]
     #[arg(long)]
     name: Option<String>,
-    /// Threads to render with; 0 takes one a core
+    /// Threads to render with; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
-    /// What traces the rays: auto, native or embree; the images are the same
+    /// What intersects rays with the scene: auto, native or embree. The images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
     #[command(flatten)]
     credentials: CredentialOptions,
-    /// Stay when nothing is left to do, for a set that may grow
+    /// Stay connected when nothing is left to do, for a set that may grow
     #[arg(long)]
     stay: bool,
 }

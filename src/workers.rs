@@ -1,4 +1,4 @@
-//! `brdfarm workers`: who works, who failed how often, who may not.
+//! `brdfarm workers`: shows the workers and their failures, and blocks them.
 
 use crate::connection::CoordinatorOptions;
 use crate::plural::count;
@@ -23,12 +23,12 @@ pub enum Command {
     Unblock(Unblock),
 }
 
-/// List workers by name: those that are there, and those with failures or a block
+/// List workers by name: those that are present, and those with failures or a block
 #[derive(Debug, Args)]
 pub struct List {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// Print JSON, an object a line
+    /// Print JSON, one object a line
     #[arg(long)]
     json: bool,
 }
@@ -38,9 +38,9 @@ pub struct List {
 pub struct Block {
     #[command(flatten)]
     coordinator: CoordinatorOptions,
-    /// A worker as `workers list` shows it, CREDENTIAL/NAME; or a credential, for all who use it
+    /// A worker as `workers list` shows it, CREDENTIAL/NAME; or a credential, for all workers that use it
     name: String,
-    /// Why; the worker logs it
+    /// The reason, which the worker logs
     #[arg(long, default_value = "blocked by an operator")]
     reason: String,
 }
@@ -99,7 +99,7 @@ fn block(options: &Block) -> anyhow::Result<()> {
         let name = &options.name;
         writeln!(
             out,
-            "{name} is blocked; no worker of that name is here: is it right?"
+            "{name} is blocked; no worker of that name is known: check the spelling"
         )?;
     }
     Ok(())

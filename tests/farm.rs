@@ -236,7 +236,7 @@ fn a_run_that_is_stopped_or_killed_goes_on_at_once() {
         let mut stderr = child.stderr.take().expect("a pipe");
         stderr.read_to_string(&mut said).expect("text");
         assert_eq!(child.wait().expect("an end").code(), code, "{said}");
-        assert_eq!(said.contains("the same command goes on"), code.is_some());
+        assert_eq!(said.contains("the same command resumes"), code.is_some());
 
         let resumed = Instant::now();
         let arguments = format!("run --spec spec.toml --store {signal}");

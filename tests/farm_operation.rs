@@ -118,7 +118,7 @@ fn a_farm_obeys_its_commands() {
     assert!(farm.say("workers list").contains("blocked: dust"));
     let stranger = farm.say("workers block hnad");
     assert!(
-        stranger.contains("no worker of that name is here"),
+        stranger.contains("no worker of that name is known"),
         "{stranger}"
     );
     farm.say("workers unblock hnad");

@@ -1,14 +1,14 @@
-//! Short pieces of work that block, a few at one time.
+//! Runs short pieces of blocking work, a few at a time.
 //!
-//! Work begins in the order in which it was asked for, and what is done makes room for the next
-//! only once its asker has had its turn among the runtime's tasks. So where there is more to do
-//! than the cores can, as with a thousand workers, it is here that calls wait, and not before those
-//! that are quickly answered: leases, renewals, completions.
+//! Work begins in the order of the requests. A slot is released only after the caller of the finished
+//! work has been polled. So if there is more work than the cores can do, as with a thousand workers,
+//! uploads wait here, and calls that are answered quickly (leases, renewals, completions) do not wait
+//! behind them.
 
 use std::sync::Arc;
 use tokio::{sync::Semaphore, task};
 
-/// At most so many pieces at one time, on the runtime's threads that are meant to be blocked.
+/// A limit on the pieces of work that run at one time, on the runtime's threads for blocking work.
 pub(crate) struct UploadSlots {
     free: Arc<Semaphore>,
 }

@@ -99,7 +99,7 @@ impl IndexList {
     /// The indices below `count`, at most that many; ranges may end beyond it.
     ///
     /// # Errors
-    /// When it names one at or beyond `count`, or so many twice that there are more than `count`.
+    /// When it names one at or beyond `count`, or repeats so often that there are more than `count`.
     pub fn below(&self, count: u32, what: &'static str) -> Result<Vec<u32>, IndexListError> {
         if let Some(range) = self.0.iter().find(|range| *range.start() >= count) {
             let index = *range.start();

@@ -1,23 +1,23 @@
-//! Why a store is no target of a copy.
+//! Why a store cannot be the target of a copy.
 
 use dataset::Digest;
 use thiserror::Error;
 
-/// Why a store is no target of a copy, or only of one.
+/// Why a store cannot be the target of a copy, or only of one particular copy.
 #[derive(Debug, Error)]
 pub enum CopyError {
-    /// It is half of a copy.
-    #[error("{name} is half of a copy: `brdfarm store migrate {from} {name}` goes on with it")]
+    /// It is an unfinished copy.
+    #[error("{name} is an unfinished copy: `brdfarm store migrate {from} {name}` completes it")]
     Half {
         /// The store.
         name: String,
         /// What it is a copy of.
         from: String,
     },
-    /// It is half of a copy of something else.
+    /// It is an unfinished copy of something else.
     #[error(
-        "{name} is half of a copy of {found}, not of {given}: go on with that, or choose another \
-         target"
+        "{name} is an unfinished copy of {found}, not of {given}: complete that copy, or choose \
+         another target"
     )]
     Other {
         /// The store.
@@ -28,13 +28,13 @@ pub enum CopyError {
         given: String,
     },
     /// It is a store.
-    #[error("{0} is a store already: choose an empty place for the copy, or a new one")]
+    #[error("{0} is already a store: choose an empty place for the copy, or a new one")]
     Taken(String),
 }
 
 impl CopyError {
-    /// Of a store that is half of a copy of one of these two, each a store with its specification,
-    /// and was to become one of the other.
+    /// For an unfinished copy of `found` that was to become a copy of `given`; each is a store with
+    /// its specification.
     pub fn other(name: String, found: (&str, Digest), given: (&str, Digest)) -> Self {
         let told = |(store, hash)| format!("{store} with specification {hash}");
         Self::Other {

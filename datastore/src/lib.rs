@@ -24,7 +24,7 @@
 //! blobs/ab/...exr      images by digest, unless they are in a bucket
 //! staging/             uploads under way
 //! lock                 held by the one process that writes
-//! migration.json       while it is half of a copy: what of
+//! migration.json       while it is an unfinished copy: what of
 //! ```
 //!
 //! The specification's hash leaves out its name and its number of materials, which change no
@@ -69,7 +69,7 @@ pub enum StoreError {
     Absent(PathBuf),
     /// There is no store, and something else is in the folder.
     #[error(
-        "{} is no store, since it has no specification.json, and holds {found:?}: choose an empty \
+        "{} is not a store, because it has no specification.json, and holds {found:?}: choose an empty \
          or a new folder",
         path.display()
     )]

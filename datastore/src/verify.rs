@@ -62,7 +62,7 @@ pub struct Checks<'a> {
 }
 
 impl Checks<'_> {
-    /// The checks of the first `materials` that need no renderer, with so many threads.
+    /// The checks of the first `materials` that need no renderer, with this many threads.
     pub fn without_renderer(materials: u32, threads: usize) -> Self {
         Self {
             materials,

@@ -39,7 +39,7 @@ useradd --system --no-create-home --home-dir "$home" --shell /bin/bash "$user"
 trap tear_down EXIT
 install -d -o "$user" -g "$user" "$home"
 
-# Waits up to so many seconds until a command succeeds.
+# Waits up to this many seconds until a command succeeds.
 within() {
   local seconds="$1"
   for ((tenths = 0; tenths < seconds * 10; tenths++)); do

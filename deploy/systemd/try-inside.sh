@@ -5,7 +5,7 @@
 say() { printf 'try-systemd: %s\n' "$*"; }
 wrong() { printf 'try-systemd: WRONG: %s\n' "$*" >&2; exit 1; }
 
-# Waits up to so many seconds until a command succeeds.
+# Waits up to this many seconds until a command succeeds.
 within() {
   local seconds="$1"
   for ((tenths = 0; tenths < seconds * 10; tenths++)); do

@@ -24,7 +24,7 @@ pub enum ExportError {
         materials: u32,
     },
     /// Nothing is left.
-    #[error("no material of the set fulfils `{0}`")]
+    #[error("no material of the set satisfies `{0}`")]
     NoMaterial(Condition),
     /// A view is wanted that the specification does not have.
     #[error("there is no view {view}: there are {count}, counted from 0")]

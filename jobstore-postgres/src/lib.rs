@@ -122,7 +122,7 @@ impl Shared {
         });
     }
 
-    /// Wakes one of those who wait for each of so many jobs.
+    /// Wakes one waiting caller for each of this many jobs.
     fn wake(&self, jobs: usize) {
         if jobs > 0 {
             self.offered.notify_one();

@@ -42,7 +42,7 @@ impl MaintenanceSession {
         })
     }
 
-    /// Makes the database about a dataset of so many materials, as [`super::Database::make`] does.
+    /// Makes the database about a dataset of this many materials, as [`super::Database::make`] does.
     pub async fn make(&mut self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
         let made = async {
             let transaction = self.client.transaction().await?;

@@ -49,7 +49,7 @@ impl Database {
         opened.await.map_err(|fault| self.away(fault))
     }
 
-    /// Makes the database about a dataset of so many materials, or lets the one it is about grow to
+    /// Makes the database about a dataset of this many materials, or lets the one it is about grow to
     /// that many. Whoever calls has compared the two.
     pub async fn make(&self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
         let made = async {

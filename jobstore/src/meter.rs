@@ -7,7 +7,7 @@ pub trait Meter: Send + Sync {
     /// A batch of images was published under their names.
     fn note_publication(&self, time: Duration);
 
-    /// A batch of so many transitions became durable.
+    /// A batch of this many transitions became durable.
     fn note_commit(&self, time: Duration, transitions: usize);
 }
 

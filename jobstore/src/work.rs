@@ -76,7 +76,7 @@ impl Work {
         }
     }
 
-    /// There may be so many jobs: wakes as many.
+    /// This many jobs may be available: wakes as many callers.
     pub fn offer(&self, jobs: usize) {
         if jobs == 0 {
             return;

@@ -45,7 +45,7 @@ struct StageRow<'a> {
     wall_seconds: f64,
 }
 
-/// A row of `calibration.csv`: the share of pixels whose true error is at most so many times the
+/// A row of `calibration.csv`: the share of pixels whose true error is at most this multiple of the
 /// stated one.
 #[derive(Serialize)]
 struct CalibrationRow {

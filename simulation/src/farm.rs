@@ -24,7 +24,7 @@ pub enum Rendering {
 pub enum Store {
     /// In a folder of the only coordinator, by group commit.
     Files,
-    /// In PostgreSQL, on a machine of so many cores, or on the coordinator's own where there is
+    /// In PostgreSQL, on a machine of this many cores, or on the coordinator's own where there is
     /// none.
     Postgres {
         /// Cores of the database's machine.
@@ -56,7 +56,7 @@ pub struct Workers {
     pub uploads_at_once: usize,
     /// Whether they ask which images are missing before they deliver.
     pub asks_missing: bool,
-    /// Whether they run on the coordinator's machine, on so many threads, and take its cores.
+    /// Whether they run on the coordinator's machine, on this many threads, and take its cores.
     pub threads_beside_coordinator: Option<usize>,
     /// How often each dies: the mean time between two deaths. It is back after a minute.
     pub dies_every: Option<Duration>,

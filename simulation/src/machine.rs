@@ -48,7 +48,7 @@ pub struct Slice<T> {
 }
 
 impl<T> Machine<T> {
-    /// A machine with so many cores, at least one.
+    /// A machine with this many cores, at least one.
     pub fn new(cores: usize) -> Self {
         Self {
             cores: cores.max(1),
@@ -59,7 +59,7 @@ impl<T> Machine<T> {
         }
     }
 
-    /// Adds a team of so many threads, at least one.
+    /// Adds a team of this many threads, at least one.
     pub fn add_team(&mut self, threads: usize) -> Team {
         self.teams.push(Waiting {
             threads: threads.max(1),

@@ -24,52 +24,52 @@ const EXAMPLE_MATERIALS_MAX: usize = 6;
 /// Export images and labels so that stock loaders open them
 ///
 /// Writes the images, a manifest, a dataset card with plots, Croissant metadata and the
-/// specification into a folder. The same images and options give the same bytes. Stopped, the same
-/// command goes on from there.
+/// specification into a folder. The same images and options give the same bytes. If the export is
+/// stopped, the same command resumes it.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Where to: an empty or a new folder, or a place in a bucket such as s3://BUCKET/PREFIX, or
-    /// an export to go on with
+    /// Where to write: an empty or a new folder, a place in a bucket such as s3://BUCKET/PREFIX, or
+    /// an unfinished export to resume
     #[arg(value_name = "DIR|URL")]
     folder: PathBuf,
-    /// How images are laid out
+    /// The layout of the files
     #[arg(long, value_enum)]
     layout: LayoutName,
-    /// Which views, as in 5,8 or 0-3 [default: all]
+    /// The views to export, as in 5,8 or 0-3 [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
-    /// Which split [default: all]
+    /// The split to export [default: all]
     #[arg(long, value_enum)]
     split: Option<SplitName>,
-    /// Which materials, by their labels, as in "roughness < 20 and split == 'train'"; with and, or, not
-    /// and parentheses, over material, roughness, anisotropy, angle_deg, ior, split, and colours as
-    /// rgb0_linear_0 or rgb90_lab_2 [default: all]
+    /// The materials to export, by their labels, as in "roughness < 20 and split == 'train'". The
+    /// condition may use and, or, not, parentheses, and the labels material, roughness, anisotropy,
+    /// angle_deg, ior, split, and colours such as rgb0_linear_0 or rgb90_lab_2 [default: all]
     #[arg(long = "where", value_name = "CONDITION")]
     condition: Option<Condition>,
-    /// Pixels as NumPy arrays too, of the images' type: they need no EXR reader
+    /// Also write pixels as NumPy arrays of the images' type, which need no EXR reader
     #[arg(long)]
     npy: bool,
-    /// Previews too: sRGB, 8 bits, clipped at white
+    /// Also write previews: sRGB, 8 bits, clipped at white
     #[arg(long)]
     png: bool,
     /// Brightness of the previews, in stops: each doubles it
     #[arg(long, default_value_t = 0.0, value_name = "STOPS", allow_negative_numbers = true,
           requires = "png", value_parser = picture::parse_exposure)]
     exposure: f64,
-    /// The sample warped to a square of N pixels a side too, area-correct
+    /// Also write the sample of each image, warped to a square of N pixels a side with area weighting
     #[arg(long, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=i64::from(SIDE_PIXELS_MAX)))]
     rectified: Option<u32>,
-    /// Export what is complete although materials are missing
+    /// Export the complete materials even if others are missing
     #[arg(long)]
     partial: bool,
-    /// Hard links to the store's images instead of copies (layout files, one file system): whoever
-    /// changes one changes the store
+    /// Make hard links to the store's images instead of copies (layout files, one file system). To
+    /// change such a file changes the store
     #[arg(long)]
     links: bool,
-    /// Size of a shard, about, in megabytes
+    /// Approximate size of a shard, in megabytes
     #[arg(long, default_value_t = SHARD_BYTES / MEGABYTE, value_name = "MB",
           value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
     shard_megabytes: u64,
@@ -85,7 +85,7 @@ pub struct Options {
     /// When it is published, as YYYY-MM-DD
     #[arg(long, value_name = "DATE", value_parser = parse_date)]
     published: Option<String>,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
@@ -127,7 +127,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             links: options.links,
         },
         _ if options.links => {
-            return Err(BadInput("--links is for --layout files".to_owned()).into());
+            return Err(BadInput("--links needs --layout files".to_owned()).into());
         }
         LayoutName::Webdataset => Layout::WebDataset,
         LayoutName::Huggingface => Layout::HuggingFace,

@@ -9,14 +9,14 @@ use std::io::{self, Write};
 
 /// List the images that no completed material names, or remove them
 ///
-/// Completions that were cut short or replaced leave such files behind. Without --delete nothing is
-/// changed. Files of other names than images have are listed and never removed. In a database
-/// nothing is removed while a worker has a lease, whose images may be about to be named.
+/// Interrupted or replaced completions leave such files behind. Without --delete nothing is changed.
+/// Files whose names are not those of images are listed and never removed. With a database nothing is
+/// removed while a worker has a lease, because its images may be about to be named.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Remove them; no coordinator may be using a store in a folder
+    /// Remove them. If the store is a folder, no coordinator may be using it
     #[arg(long)]
     delete: bool,
 }

@@ -13,12 +13,12 @@ use export::manifest::{Format, read::read_specification};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Take a manifest and its images into a store, checked on the way in
+/// Check a manifest and its images, and put them into a store
 ///
-/// DIR is an export of any layout, or any folder with a manifest and images where it says; a place
-/// in a bucket, such as s3://BUCKET/PREFIX, will do as well. Every
-/// row is compared with what the specification gives, and every image with its row. The store is
-/// made where there is none; what one has already is not replaced.
+/// DIR is an export of any layout, or any folder with a manifest and the images that it names. It can
+/// also be a place in a bucket, such as s3://BUCKET/PREFIX. Every row is compared with the
+/// specification, and every image with its row. A store that does not exist is made; materials that
+/// an existing store has are not replaced.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The folder that the manifest's paths are relative to
@@ -26,17 +26,17 @@ pub struct Options {
     folder: PathBuf,
     #[command(flatten)]
     store: StoreOptions,
-    /// Where images of a new store live instead of in its folder, as s3://BUCKET/PREFIX; where
+    /// Where to keep images of a new store instead of in its folder, as in s3://BUCKET/PREFIX; if
     /// --store is a database, also a folder
     #[arg(long, value_name = "URL|DIR")]
     blobs: Option<BlobsPlace>,
     /// The manifest [default: manifest.parquet in DIR]
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
-    /// The specification [default: that inside a Parquet manifest, or specification.toml in DIR]
+    /// The specification [default: the one inside a Parquet manifest, or specification.toml in DIR]
     #[arg(long, value_name = "FILE")]
     spec: Option<PathBuf>,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,

@@ -17,20 +17,20 @@ pub enum Command {
 
 /// Write the manifest of a store
 ///
-/// One row an image: labels, split, geometry, digest, size, path and measured error.
+/// One row for each image: labels, split, geometry, digest, size, path and measured error.
 /// The same images give the same bytes, wherever and in whatever order they were rendered.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// How the manifest is written
+    /// The format of the manifest
     #[arg(long, value_enum)]
     format: Format,
-    /// Where to write, - for standard output [default: manifest.jsonl, .csv or .parquet in the store's
-    /// folder; in this one where it is a database]
+    /// The file to write, or - for standard output [default: manifest.jsonl, .csv or .parquet in the
+    /// store's folder, or in this folder if the store is a database]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Write the manifest although materials are missing
+    /// Write the manifest even if materials are missing
     #[arg(long)]
     partial: bool,
 }

@@ -21,7 +21,7 @@ use datastore::StoreName;
 /// What can be done with a dataset.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Take out the labels, a row an image
+    /// Write the labels, one row for each image
     #[command(subcommand)]
     Manifest(manifest::Command),
     Export(export::Options),
@@ -40,8 +40,8 @@ pub enum Command {
 /// The store that a command works on.
 #[derive(Debug, Args)]
 pub struct StoreOptions {
-    /// The store: its folder, or the PostgreSQL database that labels and ledger are in, whose
-    /// password comes from PGPASSWORD or a password file
+    /// The store: its folder, or the PostgreSQL database with its labels and ledger. The password of
+    /// the database comes from PGPASSWORD or a password file
     #[arg(long, default_value = "store", value_name = store_name::VALUE,
           value_parser = store_name::parser())]
     store: StoreName,

@@ -28,31 +28,31 @@ const NOISE_SD_MIN: f64 = 1e-12;
 /// The most noise: images are then worth nothing.
 const NOISE_SD_MAX: f64 = 1e6;
 
-/// Say what the images tell about each material's parameters
+/// Write what images show about each material's parameters
 ///
 /// Differentiates the images of every view by the ten parameters and writes a Parquet table: a row
 /// for each material and view, and for each material and set of views. A row has the information
 /// matrix J'J, Cramer-Rao bounds and observable weights, for linear, logarithmic and sRGB-coded
-/// pixels. An infinite bound says that the images do not determine the parameter.
+/// pixels. An infinite bound means that the images do not determine the parameter.
 ///
 /// A view takes up to 41 renderings: the preset's 14 views together take about 5 s of a core and 40
-/// kB a material. Of the store only the specification is read. Stopped or killed, the same command
-/// goes on from there.
+/// kB a material. Only the specification of the store is read. If the command is stopped or killed,
+/// the same command resumes.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Where to write; parts are in FILE.parts until the table is whole
+    /// The file to write; unfinished parts are in FILE.parts until the table is complete
     #[arg(long, value_name = "FILE.parquet")]
     out: PathBuf,
-    /// Which materials, as in 0-99 [default: all of the specification]
+    /// The materials, as in 0-99 [default: all of the specification]
     #[arg(long, value_name = "LIST")]
     materials: Option<IndexList>,
-    /// Which views [default: all]
+    /// The views [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
-    /// Views that are looked at together; may be given several times [default: 5,8 where the views
-    /// are there]
+    /// A set of views whose information is combined; can be repeated [default: 5,8 if these views
+    /// exist]
     #[arg(long, value_name = "LIST")]
     sets: Vec<IndexList>,
     /// Pixels of the film's longer side. Information grows with the number of pixels: twice the
@@ -64,7 +64,7 @@ pub struct Options {
     /// where white is 1 [default: 2/255]
     #[arg(long, value_name = "SD", value_parser = parse_noise)]
     noise_sd: Option<f64>,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,

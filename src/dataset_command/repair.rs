@@ -14,18 +14,19 @@ use std::path::PathBuf;
 
 /// Render again what verify finds
 ///
-/// A missing or damaged image must come out with the digest that is recorded. A record is corrected
-/// where the file that it names is intact and no image of the dataset, where log and ledger disagree,
-/// and with --rerender where an image renders to another: what this machine renders is taken for the
-/// truth, and the workers that delivered something else are named. What cannot be mended is listed, and is an error. A store in a folder must have no
-/// coordinator meanwhile; beside those of a database it can be done.
+/// Renders each missing or damaged image again; it must have the recorded digest. A record is corrected
+/// if the file that it names is intact but not an image of the dataset, or if log and ledger disagree.
+/// With --rerender it is also corrected if the image renders differently: what this machine renders is
+/// taken as correct, and the workers that delivered something else are named. What cannot be repaired
+/// is listed, and is an error. If the store is a folder, no coordinator may be using it; coordinators
+/// of a database may be running.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
     #[command(flatten)]
     checks: CheckOptions,
-    /// Write what was done as JSON
+    /// Write a report of what was done to this file, as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 }
@@ -65,7 +66,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             }
             Outcome::Failed(why) => {
                 failed += 1;
-                writeln!(out, "{}: NOT MENDED: {why}", repair.fault)?;
+                writeln!(out, "{}: NOT REPAIRED: {why}", repair.fault)?;
             }
         }
     }
@@ -84,13 +85,13 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         }
         writeln!(
             out,
-            "{by} delivered {} wrong, and {} of this store: look at all with --rerender 100%",
+            "{by} delivered {} wrong, and {} of this store: check them all with --rerender 100%",
             count(wrong, "image"),
             count(materials, "material")
         )?;
     }
     let faults = count(repairs.len() as u64, "fault");
-    anyhow::ensure!(failed == 0, "{failed} of {faults} could not be mended");
+    anyhow::ensure!(failed == 0, "{failed} of {faults} could not be repaired");
     match repairs.len() {
         0 => writeln!(out, "nothing to do: the store is sound")?,
         _ => writeln!(out, "mended {faults}")?,

@@ -18,29 +18,29 @@ use std::path::{Path, PathBuf};
 /// Materials on a sheet where nobody says which.
 const MATERIALS_SHOWN: usize = 12;
 
-/// Make a contact sheet (PNG): a row a material, a column a view
+/// Make a contact sheet (PNG): one row for each material, one column for each view
 ///
-/// Materials and views are numbered; colours are sRGB, clipped at white. What is not rendered yet
-/// stays blank.
+/// Materials and views are numbered. Colours are sRGB, clipped at white. Materials that are not
+/// complete stay blank.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Which materials, as in 0-11 or 3,5,8-10 [default: the first 12]
+    /// The materials, as in 0-11 or 3,5,8-10 [default: the first 12]
     #[arg(long, value_name = "LIST")]
     materials: Option<IndexList>,
-    /// Only those whose labels fulfil this, as in "roughness < 20 and split == 'train'"; `brdfarm
-    /// dataset export --help` has the labels
+    /// Only materials whose labels satisfy this condition, as in "roughness < 20 and split == 'train'".
+    /// `brdfarm dataset export --help` lists the labels
     #[arg(long = "where", value_name = "CONDITION")]
     condition: Option<Condition>,
-    /// Which views [default: all]
+    /// The views [default: all]
     #[arg(long, value_name = "LIST")]
     views: Option<IndexList>,
     /// Brightness, in stops: each doubles it
     #[arg(long, default_value_t = 0.0, value_name = "STOPS", allow_negative_numbers = true,
           value_parser = picture::parse_exposure)]
     exposure: f64,
-    /// Where to write, a .png file
+    /// The .png file to write
     #[arg(long, default_value = "contact-sheet.png", value_name = "FILE")]
     out: PathBuf,
 }
@@ -67,7 +67,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             .collect(),
     };
     if materials.is_empty() {
-        return Err(BadInput("--where: no material fulfils it".to_owned()).into());
+        return Err(BadInput("--where: no material satisfies it".to_owned()).into());
     }
     let views = match &options.views {
         Some(views) => views.below(view_count, "view")?,

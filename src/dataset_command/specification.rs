@@ -10,17 +10,17 @@ use std::path::PathBuf;
 
 /// Print a complete specification, and its hash as a comment
 ///
-/// Prints every field, those too that the file leaves to the preset, and the hash that stands in
-/// every image and manifest row. A store has its own, and a Parquet manifest that of its images.
+/// Prints every field, including those that the file leaves to the preset, and the hash that is in
+/// every image and manifest row. Can also print the specification of a store or of a Parquet manifest.
 #[derive(Debug, Args)]
 pub struct Options {
     #[command(flatten)]
     specification: specification::SetOptions,
-    /// The specification of a store instead
+    /// Print the specification of this store
     #[arg(long, value_name = store_name::VALUE, value_parser = store_name::parser(),
           conflicts_with = "spec")]
     store: Option<StoreName>,
-    /// The specification inside a Parquet manifest instead
+    /// Print the specification inside this Parquet manifest
     #[arg(long, value_name = "FILE", conflicts_with_all = ["spec", "materials", "store"])]
     manifest: Option<PathBuf>,
 }

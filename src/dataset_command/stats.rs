@@ -8,7 +8,7 @@ use datastore::ReadOnlyStore;
 use export::statistics::{Statistics, statistics};
 use std::io::{self, Write};
 
-/// Say what is in a store, in numbers
+/// Show statistics of a store
 ///
 /// Counts, sizes, the spread of the ten parameters, errors and cost of each view, over the
 /// materials that are complete.
@@ -16,11 +16,11 @@ use std::io::{self, Write};
 pub struct Options {
     #[command(flatten)]
     store: StoreOptions,
-    /// Only materials whose labels fulfil this, as in "roughness < 20 and split == 'train'"; `brdfarm
-    /// dataset export --help` has the labels
+    /// Only materials whose labels satisfy this condition, as in "roughness < 20 and split == 'train'".
+    /// `brdfarm dataset export --help` lists the labels
     #[arg(long = "where", value_name = "CONDITION")]
     condition: Option<Condition>,
-    /// Read all images too, and say how bright they are
+    /// Also read all images and show their brightness
     #[arg(long)]
     pixels: bool,
     /// Print JSON

@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// Faults that are listed.
 const FAULTS_SHOWN_MAX: usize = 100;
 
-/// Check every image: present, intact, finite, and what it says it is
+/// Check that every image is present, intact, finite and correctly labelled
 ///
 /// Reads every image of a store: computes its digest, decodes it, and compares its header with the
 /// specification, the ledger and the parameters that follow from the seed. Reports images that are
@@ -30,10 +30,10 @@ pub struct Options {
     store: StoreOptions,
     #[command(flatten)]
     checks: CheckOptions,
-    /// Compare the rows of a manifest with the store too
+    /// Also compare the rows of this manifest with the store
     #[arg(long, value_name = "FILE")]
     manifest: Option<PathBuf>,
-    /// Write what was found as JSON
+    /// Write a report of what was found to this file, as JSON
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
 }
@@ -41,16 +41,16 @@ pub struct Options {
 /// How a store is checked.
 #[derive(Debug, Args)]
 pub struct CheckOptions {
-    /// Render so much of the images again, chosen by chance, and compare them byte for byte
+    /// Render this share of the images again, chosen at random, and compare them byte for byte
     #[arg(long, default_value = "0%", value_name = "P%", value_parser = parse_share)]
     rerender: f64,
-    /// Chooses the images that are rendered again [default: by chance, and told]
+    /// The seed that chooses the images to render again [default: random, and printed]
     #[arg(long, value_name = "SEED")]
     rerender_seed: Option<u64>,
-    /// What traces the rays of images that are rendered again; the images are the same
+    /// What intersects rays with the scene when images are rendered again. The images are the same
     #[arg(long, default_value = "auto")]
     backend: BackendChoice,
-    /// Threads; 0 takes one a core
+    /// Threads; 0 takes one for each core
     #[arg(long, default_value_t = 0, value_name = "N",
           value_parser = clap::value_parser!(u64).range(..=cores::COUNT_MAX))]
     threads: u64,
@@ -141,7 +141,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Checks the first `materials` of a store with so many threads and says what was found; faults
+/// Checks the first `materials` of a store with this many threads and says what was found; faults
 /// are an error.
 pub fn check(store: &ReadOnlyStore, materials: u32, threads: usize) -> anyhow::Result<()> {
     let renderer = Again::new(store.specification(), BackendChoice::Auto)?;
@@ -202,7 +202,7 @@ fn tell(store: &ReadOnlyStore, report: &Report, out: &mut impl Write) -> anyhow:
         )?;
     }
     for path in report.unnamed.iter().take(FAULTS_SHOWN_MAX) {
-        writeln!(out, "{}: no material names it", path.display())?;
+        writeln!(out, "{}: no completed material names it", path.display())?;
     }
     if report.unnamed_count > FAULTS_SHOWN_MAX as u64 {
         let more = report.unnamed_count - FAULTS_SHOWN_MAX as u64;

@@ -15,7 +15,7 @@ kind = "path"
 samples_per_pixel = 16
 "#;
 
-/// A folder with a store of so many materials.
+/// A folder with a store of this many materials.
 pub fn rendered(materials: u32) -> Workplace {
     let place = Workplace::empty();
     fs::write(place.path().join("spec.toml"), SPECIFICATION).unwrap();

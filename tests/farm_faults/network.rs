@@ -73,7 +73,7 @@ fn an_answer_that_is_lost_is_asked_for_again_and_counts_once() {
 /// again, on the next.
 #[test]
 fn words_that_arrive_late_and_out_of_order_change_nothing() {
-    // So many that some are left for the last round, however slow this machine is at looking.
+    // Enough that some are left for the last round, however slow this machine is at looking.
     let mut harness = Harness::new(60, 64);
     harness.start();
     let proxy = Proxy::before(&harness.address);

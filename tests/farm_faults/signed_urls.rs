@@ -12,7 +12,7 @@ use std::time::Duration;
 const IMAGE: &[u8] = b"an image, as it was rendered";
 const OTHER: &[u8] = b"an image, as it was altered!";
 
-/// A URL for the image, good for so many seconds, as a worker gets it.
+/// A URL for the image, good for this many seconds, as a worker gets it.
 fn sign(bucket: &Bucket, key: &str, seconds: u64) -> UploadUrl {
     let md5 = Md5::digest(IMAGE).into();
     let signed = bucket.upload_url(key, md5, Duration::from_secs(seconds));

@@ -115,7 +115,7 @@ fn what_is_half_of_a_copy_is_refused_until_the_same_command_ends_it() {
                 ""
             };
             let said = place.refuse(&format!("{command} {target} {more}"), 2);
-            assert!(said.contains("is half of a copy"), "{command}: {said}");
+            assert!(said.contains("is an unfinished copy"), "{command}: {said}");
             assert!(
                 said.contains("`brdfarm store migrate /"),
                 "{command}: {said}"
@@ -140,7 +140,7 @@ fn what_is_half_of_a_copy_is_refused_until_the_same_command_ends_it() {
             "{said}"
         );
         let said = place.refuse(&format!("store migrate other {target} {options}"), 2);
-        assert!(said.contains("is a store already"), "{said}");
+        assert!(said.contains("is already a store"), "{said}");
     }
     assert_eq!(contents::read(&place, "copy"), expected);
     place.succeed(&format!("store migrate {database} back"));

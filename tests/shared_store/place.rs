@@ -19,7 +19,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// With a specification of so many small materials.
+    /// With a specification of this many small materials.
     pub fn new(materials: u32) -> Self {
         let place = Self {
             folder: tempfile::tempdir().expect("a folder"),

@@ -5,7 +5,7 @@
 //! A worker does nothing but lease, upload and complete, one job after another; small images come
 //! with the completion, as from real workers. Without a pause the
 //! coordinator never waits for work: what is measured is its capacity, and latencies are those
-//! under the heaviest load that so many workers can make. With a pause for each job, as long as
+//! under the heaviest load that this many workers can make. With a pause for each job, as long as
 //! rendering it would take, latencies are those of a farm at work.
 //!
 //! `tests/throughput.sh` runs the measurements in release, where they have their marks to meet.
@@ -62,7 +62,7 @@ const WAIT: Duration = Duration::from_secs(1);
 const RAMP: Duration = Duration::from_secs(1);
 
 /// Threads that the workers are shared out among. A call is handed from task to task half a dozen
-/// times at the worker's side, and each time waits for its turn among all that a thread has to do:
+/// times at the worker's side, and each time queues behind everything else that its thread has to do:
 /// with one thread for all, that is longer than the coordinator takes.
 const DRIVERS: usize = 8;
 

@@ -86,7 +86,7 @@ fn claiming_a_million_rows(image: &[u8]) -> Vec<u8> {
     image
 }
 
-/// A square of so many pixels whose first is not a number.
+/// A square of this many pixels whose first is not a number.
 fn nan_image(side: usize) -> Vec<u8> {
     use exr::prelude::*;
     let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
@@ -150,7 +150,7 @@ fn a_damaged_cache_is_made_anew_and_a_model_of_another_dataset_is_refused() {
         "evaluate first/model.safetensors --data pairs --out taken",
         2,
     );
-    assert_says(&said, &["taken", "no folder"]);
+    assert_says(&said, &["taken", "not a folder"]);
     fs::write(place.path().join("junk.safetensors"), b"junk").unwrap();
     let said = fail(
         &place,

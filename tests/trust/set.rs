@@ -156,7 +156,7 @@ pub fn run(images: &Arc<Images>, liar: Option<Liar>) -> Outcome {
     run_with(images, liar, 2)
 }
 
-/// A set with so many honest workers, who all work to its end.
+/// A set with this many honest workers, who all work to its end.
 pub fn run_with(images: &Arc<Images>, liar: Option<Liar>, honest: usize) -> Outcome {
     finish(images, liar, honest).1
 }

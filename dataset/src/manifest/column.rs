@@ -38,7 +38,7 @@ pub enum Kind {
     F64,
     /// True or false.
     Bool,
-    /// So many finite 64-bit floats; matrices are row-major.
+    /// This many finite 64-bit floats; matrices are row-major.
     F64List(usize),
 }
 

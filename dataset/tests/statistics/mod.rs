@@ -13,7 +13,7 @@ pub fn chi_square(counts: &[u32]) -> f64 {
         .sum()
 }
 
-/// The probability that chi-square with so many degrees of freedom is at least `statistic`: the
+/// The probability that chi-square with this many degrees of freedom is at least `statistic`: the
 /// upper regularised gamma function, by its series below the mode and by Lentz's continued fraction
 /// above (DLMF 8.7.1 and 8.9.2).
 pub fn chi_square_tail(statistic: f64, degrees: u32) -> f64 {
@@ -60,7 +60,7 @@ pub fn kolmogorov_smirnov(values: &mut [f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// The probability that the statistic of so many independent values is at least `statistic`:
+/// The probability that the statistic of this many independent values is at least `statistic`:
 /// Kolmogorov's limit with the correction for finite counts of Stephens (1970).
 pub fn kolmogorov_smirnov_tail(statistic: f64, count: usize) -> f64 {
     let root = (count as f64).sqrt();

@@ -20,7 +20,7 @@ impl Rerender for CheapRenderer {
     }
 }
 
-/// Checks of so many materials; with a renderer, all images are rendered again.
+/// Checks of this many materials; with a renderer, all images are rendered again.
 pub fn checks(materials: u32, renderer: Option<&dyn Rerender>) -> Checks<'_> {
     Checks {
         materials,

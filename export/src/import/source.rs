@@ -71,7 +71,7 @@ impl Source {
         }
     }
 
-    /// Reads files that should have so many bytes, and at most one more of each; those in a bucket
+    /// Reads files that should have this many bytes, and at most one more of each; those in a bucket
     /// several at a time.
     pub(super) fn read_each(&self, files: Vec<(&Path, u64)>) -> Vec<Result<Vec<u8>, FileError>> {
         match self {

@@ -27,9 +27,9 @@ pub use preview::{EXPOSURE_STOPS_MAX, to_srgb8};
 pub struct Products {
     /// Pixels as NumPy arrays.
     pub npy: bool,
-    /// Previews, brightened by so many stops.
+    /// Previews, brightened by this many stops.
     pub png_exposure_stops: Option<f64>,
-    /// Rectified images of so many pixels a side.
+    /// Rectified images of this many pixels a side.
     pub rectified_side: Option<u32>,
 }
 

@@ -31,7 +31,7 @@ pub struct ObjectWriter {
 }
 
 impl ObjectReader {
-    /// Reads a range of an object, asking for so many bytes at one time.
+    /// Reads a range of an object, asking for this many bytes at one time.
     pub fn new(bucket: &Bucket, key: &str, range: Range<u64>, ahead_bytes: u64) -> Self {
         Self {
             bucket: bucket.clone(),

@@ -16,7 +16,7 @@ const WORKERS: u32 = 300;
 /// How long statements are counted, seconds.
 const COUNTED: u32 = 10;
 
-/// Statements a second of a coordinator with so many idle workers, at most.
+/// Statements a second of a coordinator with this many idle workers, at most.
 const STATEMENTS_MAX: u32 = 50;
 
 /// Asks for work as a call does that waits: again whenever there may be some.

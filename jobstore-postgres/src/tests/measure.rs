@@ -23,7 +23,7 @@ const VIEWS: u32 = 14;
 /// What one transaction of plain SQL claims or completes.
 const PLAIN_BATCH: i64 = 64;
 
-/// Leases that are held and renewed all along, as by so many workers.
+/// Leases that are held and renewed all along, as by this many workers.
 const HELD: usize = 960;
 
 /// Nobody pays for what those before left behind.
@@ -182,7 +182,7 @@ async fn plain(url: String, next: Arc<AtomicI64>, done: Arc<AtomicU64>) {
     }
 }
 
-/// Plain SQL with so many connections, a second.
+/// Plain SQL with this many connections, a second.
 async fn measure_plain(url: &str, clients: usize, next: &Arc<AtomicI64>, time: Duration) {
     crate::testing::run(url, SWEPT).await;
     let done = Arc::<AtomicU64>::default();

@@ -25,7 +25,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-/// Makes a database of so many materials.
+/// Makes a database of this many materials.
 async fn make(url: &str, materials: u32) {
     let database = Database::new(url).unwrap();
     assert_eq!(database.open().await.unwrap(), None);

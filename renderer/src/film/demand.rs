@@ -15,8 +15,8 @@ pub struct Shares {
     /// A pixel's mean is taken to be off by at least this share of what the series of its tile leave out at a
     /// point.
     pub point: f64,
-    /// What a tile is off by at its rim and between its nodes, as far as means over pixels keep it, counts so many
-    /// times.
+    /// Factor on a tile's deviation at its rim and between its nodes, as far as it remains in means over
+    /// pixels.
     pub apart: f64,
     /// A tile states this many times what it shows to be off by.
     pub doubt: f64,

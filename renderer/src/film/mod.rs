@@ -31,7 +31,7 @@ pub struct FilmPixel {
 }
 
 impl Film {
-    /// The statistics of the estimated errors, for so many light paths and evaluations spent.
+    /// The statistics of the estimated errors, for this many light paths and evaluations spent.
     pub fn statistics(
         &self,
         accuracy: &Accuracy,

@@ -34,10 +34,10 @@ const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0
 /// Points on the sides of a tile. They lie between its corners and the lines of its nodes.
 const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
 
-/// A pixel gets no more lines after so many points. Chosen.
+/// A pixel gets no more lines after this many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
 
-/// Nor after one part in so many of the limit on evaluations. Chosen.
+/// Nor after one part in this many of the limit on evaluations is spent. Chosen.
 const PIXELS_A_LIMIT: u64 = 8;
 
 /// The narrowest tile that spans several pixels the other way.

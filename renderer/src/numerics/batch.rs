@@ -1,6 +1,6 @@
 //! Points that a kernel works out together.
 
-/// Points side by side: a multiple of the widest vector's lanes. Sums run in so many parts on every
+/// Points side by side: a multiple of the widest vector's lanes. Sums have this many parts on every
 /// instruction set, so that all add in one order.
 pub const LANES: usize = 8;
 

@@ -5,7 +5,7 @@ use std::f64::consts::LN_10;
 /// A tolerance finer by this many digits takes at least one point more along every interval.
 const FINER_DIGITS: f64 = 3.3;
 
-/// A little finer is so many digits: a third of [`FINER_DIGITS`].
+/// A little finer is this many digits: a third of [`FINER_DIGITS`].
 const LITTLE_DIGITS: f64 = 1.1;
 
 /// Tolerances that differ by less than this many digits are one.
@@ -87,7 +87,7 @@ impl Tolerance {
         2.0 * (2.0 * LN_10 * (self.digits + more)).sqrt()
     }
 
-    /// Gauss points for an interval of so many lobe widths: enough for a normal density wherever
+    /// Gauss points for an interval of this many lobe widths: enough for a normal density wherever
     /// the interval lies on it (found by trying), and `more` for what multiplies it.
     #[inline(always)]
     pub fn points(self, widths: f64, more: f64) -> usize {

@@ -13,7 +13,7 @@ use rand_chacha::{
 /// The share of draws that change a few fields of the preset; the others draw every field.
 const NEAR_SHARE: f64 = 0.4;
 
-/// Of the views that go to the path tracer so many are kept.
+/// The fraction that is kept of the views that go to the path tracer.
 const PATH_SHARE: f64 = 0.1;
 
 /// Below this tolerance a rendering of many pixels takes minutes, so that films are small there.

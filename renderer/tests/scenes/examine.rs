@@ -102,7 +102,7 @@ const SURE: f64 = 5.0;
 /// Within this many it may be none.
 const UNSURE: f64 = 2.0;
 
-/// A pixel that the rendering found brighter gets up to so many samples a replicate: the reference may
+/// A pixel that the rendering found brighter gets up to this many samples a replicate: the reference may
 /// have missed what few paths carry.
 const SAMPLES_FOR_RARE: u32 = 1 << 18;
 

@@ -57,7 +57,7 @@ impl Reference {
         }
     }
 
-    /// Pixel (column, row) with so many samples in each replicate; `key` names the scrambles.
+    /// Pixel (column, row) with this many samples in each replicate; `key` names the scrambles.
     pub fn pixel(&self, [column, row]: [u32; 2], samples: u32, key: u64) -> Estimate {
         let pixel = [column, row].map(f64::from);
         let mut means = [[0.0; 3]; REPLICATES as usize];

@@ -13,7 +13,7 @@ use std::sync::{
 use std::thread;
 use std::time::Duration;
 
-/// After so many processor seconds a case counts as unbounded; it ends the process.
+/// After this many processor seconds a case counts as unbounded; it ends the process.
 const PATIENCE_SECONDS: f64 = 120.0;
 
 /// The exit code then. The shell script goes on with the next draw.

@@ -1,4 +1,4 @@
-//! True error over stated error: how many pixels lie within so many times their bounds.
+//! True error over stated error: how many pixels lie within a given multiple of their bounds.
 
 use super::axes::{Axis, Entry, Frame, Mark, draw as frame, power_of_ten};
 use super::{Plot, shade};
@@ -20,7 +20,7 @@ pub fn draw(report: &Report) -> Result<Vec<Plot>, ReportError> {
         (
             IntegratorKind::Hybrid,
             "calibration-hybrid.svg",
-            "Hybrid, by relative accuracy: share of pixels whose true error is at most so many times \
+            "Hybrid, by relative accuracy: share of pixels whose true error is at most a multiple of \
              the stated one.",
         ),
         (

@@ -110,7 +110,7 @@ impl World {
         self.events.after(wait, Event::Then(After::TakenIn(id)));
     }
 
-    /// The slot is free again once its asker has had its turn among the runtime's tasks.
+    /// The slot is released only after its caller has been polled among the runtime's tasks.
     pub(super) fn taken_in(&mut self, id: CallId) {
         if let Some(call) = self.calls.get(id) {
             let coordinator = call.coordinator;

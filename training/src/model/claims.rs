@@ -6,7 +6,7 @@ use crate::labels::target::SIGMA_RANGE_BINS;
 use crate::network::architecture::SIDES;
 
 impl ModelOptions {
-    /// What is wrong with options that a file of so many bytes brings, if anything is.
+    /// What is wrong with options that a file of this many bytes brings, if anything is.
     pub(super) fn fault(&self, bytes: usize) -> Option<String> {
         let training = &self.training;
         let architecture = training.architecture;

@@ -5,7 +5,7 @@ use crate::keystream::{Purpose, keystream};
 use burn::tensor::{Tensor, TensorData};
 use rand_chacha::rand_core::Rng;
 
-/// Of 256 activations so many are kept: 75 percent (paper, section 4.1).
+/// Of 256 activations this many are kept: 75 percent (paper, section 4.1).
 const KEPT_OF_256: u8 = 192;
 
 /// Layers of a network that drop, at most.

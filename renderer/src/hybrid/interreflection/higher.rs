@@ -50,7 +50,7 @@ struct Points {
     order_1: Vec<[f64; 3]>,
 }
 
-/// The result with so many terms.
+/// The result with this many terms.
 struct Solved<const TERMS: usize> {
     tiles: [Tile<TERMS>; 2],
     fit_error: f64,

@@ -9,7 +9,7 @@ pub type Lanes = [f64; LANES];
 /// Where lines are cut, row by row in ascending order, and `f64::INFINITY` after a line's last.
 pub type Cuts = Vec<Lanes>;
 
-/// The column or row of a position, of so many; on an edge it is either neighbour's.
+/// The column or row of a position, of `count` of them; on an edge it is either neighbour's.
 #[inline(always)]
 pub fn cell(position: f64, count: f64) -> f64 {
     let position = if position > 0.5 { position } else { 0.5 };
@@ -39,7 +39,7 @@ pub fn patches(positions: &[Lanes; 2], [columns, rows]: [f64; 2]) -> [usize; LAN
     bits.map(|bits| (bits - ROUND.to_bits()) as usize)
 }
 
-/// Up to so many cuts a line, comparing rows in a fixed order beats sorting line by line.
+/// Up to this many cuts a line, comparing rows in a fixed order beats sorting line by line.
 const FEW_CUTS: usize = 24;
 
 /// Sorts every line's cuts.
