@@ -40,7 +40,8 @@ fn directions(count: usize, phase: f64) -> Vec<[f64; 3]> {
         let z = (index as f64 + 0.5) / count as f64;
         let angle = phase + index as f64 * 2.399_963_229_728_653;
         let radius = (1.0 - z * z).sqrt();
-        [radius * angle.cos(), radius * angle.sin(), z]
+        let (sin, cos) = libm::sincos(angle);
+        [radius * cos, radius * sin, z]
     };
     (0..count).map(place).collect()
 }
