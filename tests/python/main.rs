@@ -26,7 +26,7 @@ fn the_quickstart_notebook_runs() {
 #[ignore = "needs PyTorch, 5 GB: tests/python.sh installs and runs it"]
 fn loaders_of_pytorch_read_a_store() {
     let place = Installed::new();
-    place.pytest(&["tests/python/torch"]);
+    place.pytest(&["tests/python/loaders"]);
 }
 
 /// A folder that Python imports the package from.

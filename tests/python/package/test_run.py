@@ -44,7 +44,7 @@ def test_errors_are_the_commands_sentences(spec, tmp_path):
         brdfarm.run(spec, tmp_path / "other", materials=-4)
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "file").write_text("")
-    with pytest.raises(ValueError, match="is no store"):
+    with pytest.raises(ValueError, match="is not a store"):
         brdfarm.run(spec, tmp_path / "full")
 
 
