@@ -23,7 +23,9 @@ import brdfarm
 
 COUNT = 1_000_000
 ROUNDS = 9
-PARAMETERS = dict(roughness=12.0, anisotropy=0.4, angle_deg=30.0, ior=1.6, rgb0=(0.8, 0.4, 0.2), rgb90=(1, 1, 1))
+PARAMETERS = dict(
+    roughness=12.0, anisotropy=0.4, angle_deg=30.0, ior=1.6, rgb0=(0.8, 0.4, 0.2), rgb90=(1, 1, 1)
+)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 

@@ -118,15 +118,12 @@ class Dataset:
     def _labels(self) -> dict[int, NDArray[np.float64]]:
         columns = [self.table[name].to_pylist() for name in LABELS]
         materials = self.table["material"].to_pylist()
-        return {
-            material: np.hstack(values)
-            for material, *values in zip(materials, *columns, strict=True)
-        }
+        return {material: np.hstack(values) for material, *values in zip(materials, *columns, strict=True)}
 
     def rectified(self, material: int, view: int, side: int) -> NDArray[np.float32]:
         """The sample in an image, warped to a square of `side` x `side` pixels."""
         pixels = self[material, view].pixels
-        return _native.rectify(self.specification._native, view, side, pixels)
+        return _native.rectify(self.specification._inner, view, side, pixels)
 
     def torch(
         self,
@@ -145,9 +142,7 @@ class Dataset:
 
         if split not in (None, "train", "validation", "test"):
             raise ValueError(f"there is no split {split!r}: they are 'train', 'validation' and 'test'")
-        splits = dict(
-            zip(self.table["material"].to_pylist(), self.table["split"].to_pylist(), strict=True)
-        )
+        splits = dict(zip(self.table["material"].to_pylist(), self.table["split"].to_pylist(), strict=True))
         materials = [
             material
             for material in self.materials
@@ -194,13 +189,14 @@ class _Manifest:
         from pyarrow import fs
 
         if "://" in self.name:
-            return fs.FileSystem.from_uri(self.name)
+            filesystem, path = fs.FileSystem.from_uri(self.name)
+            return filesystem, str(path)
         return fs.LocalFileSystem(), str(Path(self.name).absolute())
 
     def bytes_of(self, path: str) -> bytes:
         filesystem, _ = self.filesystem
         with filesystem.open_input_stream(path) as stream:
-            return stream.read()
+            return bytes(stream.read())
 
     def table(self) -> pa.Table:
         import pyarrow as pa

@@ -41,9 +41,10 @@ class Material:
     """psi, degrees, 0 to 180, counter-clockwise from +x about the normal."""
     ior: float
     """N_d, 1 to 10."""
-    rgb0: Colour
-    """Reflectance at 0 degrees, linear Rec.709, each 0 to 1. One number stands for three."""
-    rgb90: Colour
+    rgb0: Sequence[float] | float
+    """Reflectance at 0 degrees, linear Rec.709, each channel 0 to 1. One number is taken for all
+    three. Kept as a tuple."""
+    rgb90: Sequence[float] | float
     """Reflectance at 90 degrees, in the same way."""
     index: int | None = field(default=None, kw_only=True)
     """The material's number in its set. It seeds the light paths, so two materials that differ in it
@@ -60,7 +61,8 @@ class Material:
 
     @property
     def _parameters(self) -> tuple[float, float, float, float, Colour, Colour]:
-        return (self.roughness, self.anisotropy, self.angle_deg, self.ior, self.rgb0, self.rgb90)
+        rgb0, rgb90 = _colour("rgb0", self.rgb0), _colour("rgb90", self.rgb90)
+        return (self.roughness, self.anisotropy, self.angle_deg, self.ior, rgb0, rgb90)
 
     def evaluate(self, wi: ArrayLike, wo: ArrayLike, *, tint: Tint = "hue") -> NDArray[np.float64]:
         """The BRDF f(wi, wo), a steradian, linear Rec.709.
@@ -89,16 +91,14 @@ class Material:
 
 
 def _colour(name: str, value: float | Sequence[float]) -> Colour:
-    channels = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if np.ndim(value) == 0 else value
-    red, green, blue = (float(channel) for channel in channels) if len(channels) == 3 else (None,) * 3
-    if red is None:
-        raise ValueError(f"{name} has {len(channels)} channels: a colour is one number or three")
+    channels = np.asarray(value, dtype=np.float64)
+    if channels.shape not in ((), (3,)):
+        raise ValueError(f"{name} has the shape {channels.shape}: a colour is one number or three")
+    red, green, blue = np.broadcast_to(channels, 3).tolist()
     return red, green, blue
 
 
-def _rows(
-    columns: tuple[int, int], **arrays: ArrayLike
-) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
+def _rows(columns: tuple[int, int], **arrays: ArrayLike) -> tuple[tuple[int, ...], list[NDArray[np.float64]]]:
     """Broadcasts two arrays but for their last axes; returns their common shape, and each as rows."""
     found = []
     for (name, value), width in zip(arrays.items(), columns, strict=True):

@@ -44,12 +44,12 @@ class Rendering:
     """Evaluations of the hybrid integrator."""
     seconds: float
     """How long it took."""
-    _native: _native.Rendering
+    _inner: _native.Rendering
 
     @property
     def error_exr(self) -> bytes:
         """The errors as an EXR file of one channel, `error`: what the command's `--error-out` writes."""
-        return self._native.error_exr()
+        return self._inner.error_exr()
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the EXR file."""
@@ -91,7 +91,7 @@ def render(
         raise ValueError(f"threads is {threads}: it is 0 for all cores, or how many")
     _embree.find()
     native = _native.render(
-        specification._native, material._parameters, material.index, view, backend, threads
+        specification._inner, material._parameters, material.index, view, backend, threads
     )
     mean, p95, largest, within_target, samples, evaluations = native.statistics()
     error = native.error()
@@ -111,5 +111,5 @@ def render(
         samples=samples,
         evaluations=evaluations,
         seconds=native.seconds(),
-        _native=native,
+        _inner=native,
     )

@@ -44,9 +44,8 @@ class Progress:
     def __str__(self) -> str:
         text = f"{self.images} of {self.total} images"
         if (left := self.seconds_left) is not None:
-            text += f", {self.rate:.1f}/s, {left / 60:.0f} min left" if left >= 90 else (
-                f", {self.rate:.1f}/s, {left:.0f} s left"
-            )
+            time = f"{left / 60:.0f} min" if left >= 90 else f"{left:.0f} s"
+            text += f", {self.rate:.1f}/s, {time} left"
         return text + (f", {self.errors} errors" if self.errors else "")
 
 

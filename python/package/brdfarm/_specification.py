@@ -18,8 +18,8 @@ class Specification:
     and defaults are those of the TOML file, which `to_toml` writes.
     """
 
-    __slots__ = ("_native",)
-    _native: _native.Specification
+    __slots__ = ("_inner",)
+    _inner: _native.Specification
 
     @classmethod
     def preset(cls, name: str = "maxbrdf") -> Specification:
@@ -41,7 +41,7 @@ class Specification:
     @classmethod
     def _of(cls, native: _native.Specification) -> Specification:
         specification = object.__new__(cls)
-        object.__setattr__(specification, "_native", native)
+        object.__setattr__(specification, "_inner", native)
         return specification
 
     def __init__(self) -> None:
@@ -60,31 +60,32 @@ class Specification:
 
     def to_dict(self) -> dict[str, Any]:
         """All fields, as the TOML file has them."""
-        return json.loads(self._native.to_json())
+        fields: dict[str, Any] = json.loads(self._inner.to_json())
+        return fields
 
     def to_toml(self) -> str:
         """The file that `load` and the command's `--spec` read."""
-        return self._native.to_toml()
+        return self._inner.to_toml()
 
     @property
     def name(self) -> str:
         """What the set is called."""
-        return self.to_dict()["name"]
+        return str(self.to_dict()["name"])
 
     @property
     def seed(self) -> int:
         """Decides materials, splits and light paths."""
-        return self.to_dict()["seed"]
+        return int(self.to_dict()["seed"])
 
     @property
     def materials(self) -> int:
         """How many materials the set has."""
-        return self.to_dict()["materials"]
+        return int(self.to_dict()["materials"])
 
     @property
     def views(self) -> list[dict[str, Any]]:
         """The views of every material, in order."""
-        return self.to_dict()["views"]
+        return list(self.to_dict()["views"])
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -96,27 +97,25 @@ class Specification:
     def hash(self) -> str:
         """What tells this dataset from others, in hexadecimal. The name and the number of materials
         are left out: they change no image."""
-        return self._native.hash()
+        return self._inner.hash()
 
     def material(self, index: int) -> Material:
         """Material `index` of the set. It depends on the seed and on the ranges of the parameters
         alone, so every index has one, whatever `materials` says."""
-        roughness, anisotropy, angle_deg, ior, rgb0, rgb90 = self._native.material(_index(index))
-        return Material(
-            roughness, anisotropy, angle_deg, ior, tuple(rgb0), tuple(rgb90), index=int(index)
-        )
+        roughness, anisotropy, angle_deg, ior, rgb0, rgb90 = self._inner.material(_index(index))
+        return Material(roughness, anisotropy, angle_deg, ior, rgb0, rgb90, index=int(index))
 
     def split(self, index: int) -> str:
         """The split of material `index`: 'train', 'validation' or 'test'."""
-        return self._native.split(_index(index))
+        return self._inner.split(_index(index))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Specification):
             return NotImplemented
-        return self._native.to_json() == other._native.to_json()
+        return self._inner.to_json() == other._inner.to_json()
 
     def __hash__(self) -> int:
-        return hash(self._native.to_json())
+        return hash(self._inner.to_json())
 
     def __repr__(self) -> str:
         height, width, _ = self.shape
@@ -126,7 +125,7 @@ class Specification:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _from_json, (self._native.to_json(),)
+        return _from_json, (self._inner.to_json(),)
 
 
 def _from_json(text: str) -> Specification:
@@ -144,6 +143,7 @@ def _merged(fields: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     merged = dict(fields)
     for name, value in changes.items():
         before = merged.get(name)
-        nested = isinstance(before, dict) and isinstance(value, Mapping)
-        merged[name] = _merged(before, value) if nested else value
+        if isinstance(before, dict) and isinstance(value, Mapping):
+            value = _merged(before, value)
+        merged[name] = value
     return merged

@@ -20,7 +20,7 @@ def directions(seed, *shape):
 
 def test_a_colour_is_one_number_or_three():
     assert MATERIAL.rgb90 == (1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match="rgb0 has 2 channels"):
+    with pytest.raises(ValueError, match="rgb0 has the shape"):
         brdfarm.Material(12, 0.4, 30, 1.6, (0.8, 0.4), 1)
 
 
@@ -36,7 +36,9 @@ def test_parameters_out_of_range_are_refused_by_name(field, value):
 
 def test_evaluate_says_what_the_command_says():
     wi, wo = directions(1, 50), directions(2, 50)
-    material = dict(roughness=12, anisotropy=0.4, angle_deg=30, ior=1.6, rgb0=[0.8, 0.4, 0.2], rgb90=[1, 1, 1])
+    material = dict(
+        roughness=12, anisotropy=0.4, angle_deg=30, ior=1.6, rgb0=[0.8, 0.4, 0.2], rgb90=[1, 1, 1]
+    )
     for tint in ("hue", "product"):
         lines = [
             json.dumps(dict(material=material, wi=i.tolist(), wo=o.tolist(), tint=tint))
@@ -77,7 +79,7 @@ def test_other_dtypes_and_strides_give_the_same():
         (np.float64(1.0), ValueError, "wi has the shape"),
         (directions(1, 4), ValueError, "do not broadcast"),
         (np.zeros((5, 3)), ValueError, "direction 0 of wi has length zero"),
-        (np.where(np.arange(15).reshape(5, 3) == 7, np.nan, 1.0), ValueError, "direction 2 of wi is not finite"),
+        (np.diag([1.0, 1, np.nan, 1, 1])[:, :3] + 1, ValueError, "direction 2 of wi is not finite"),
         (np.full((5, 3), np.inf), ValueError, "direction 0 of wi is not finite"),
         (directions(1, 5) * 1j, TypeError, "wi is of dtype complex128"),
         (np.full((5, 3), "up"), TypeError, "wi is of dtype"),
@@ -116,5 +118,5 @@ def test_the_edges_of_the_unit_square():
     for u in ([1.0, 0.5], [-0.1, 0.5], [np.nan, 0.5]):
         with pytest.raises(ValueError, match="outside"):
             MATERIAL.sample(wo, u)
-    with pytest.raises(ValueError, match="tint is \"blue\""):
+    with pytest.raises(ValueError, match='tint is "blue"'):
         MATERIAL.evaluate(wo, wo, tint="blue")

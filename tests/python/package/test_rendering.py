@@ -88,7 +88,9 @@ def test_a_process_that_forked_renders(spec, method):
 def test_ctrl_c_interrupts(spec):
     # Seconds of work: tight, of a large film.
     slow = spec.replace(
-        image=dict(width=512, height=512), accuracy=dict(relative=1e-6, absolute=1e-8), integrator=dict(kind="path")
+        image=dict(width=512, height=512),
+        accuracy=dict(relative=1e-6, absolute=1e-8),
+        integrator=dict(kind="path"),
     )
     killer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
     killer.start()
