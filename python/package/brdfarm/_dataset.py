@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -138,8 +139,7 @@ class Dataset:
         sample alone, warped to a square of so many pixels. Materials that lack a view are left out.
         Needs torch.
         """
-        from brdfarm._torch import Pairs
-
+        pairs = _needed("brdfarm._torch", "torch")
         if split not in (None, "train", "validation", "test"):
             raise ValueError(f"there is no split {split!r}: they are 'train', 'validation' and 'test'")
         splits = dict(zip(self.table["material"].to_pylist(), self.table["split"].to_pylist(), strict=True))
@@ -149,7 +149,7 @@ class Dataset:
             if (split is None or splits[material] == split)
             and all((material, view) in self._rows for view in views)
         ]
-        return Pairs(self, materials, tuple(views), rectified)
+        return pairs.Pairs(self, materials, tuple(views), rectified)
 
     def __repr__(self) -> str:
         return f"<Dataset {self._name}: {len(self.materials)} materials, {len(self)} images>"
@@ -165,8 +165,7 @@ class _Store:
         return Specification._of(self.native.specification())
 
     def table(self) -> pa.Table:
-        import pyarrow.parquet as pq
-
+        pq = _needed("pyarrow.parquet", "table")
         with tempfile.TemporaryDirectory(prefix="brdfarm-") as folder:
             path = Path(folder) / "manifest.parquet"
             self.native.write_manifest(str(path))
@@ -186,8 +185,7 @@ class _Manifest:
     @cached_property
     def filesystem(self) -> tuple[Any, str]:
         """A file system of pyarrow, and the path of the manifest in it."""
-        from pyarrow import fs
-
+        fs = _needed("pyarrow.fs", "table")
         if "://" in self.name:
             filesystem, path = fs.FileSystem.from_uri(self.name)
             return filesystem, str(path)
@@ -199,9 +197,7 @@ class _Manifest:
             return bytes(stream.read())
 
     def table(self) -> pa.Table:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
+        pa, pq = _needed("pyarrow", "table"), _needed("pyarrow.parquet", "table")
         _, path = self.filesystem
         table = pq.read_table(pa.BufferReader(self.bytes_of(path)))
         missing = {"material", "view", "path", "digest"} - set(table.column_names)
@@ -228,6 +224,14 @@ class _Manifest:
         path, digest = self.places[material, view]
         _, manifest = self.filesystem
         return self.bytes_of(f"{manifest.rpartition('/')[0]}/{path}"), digest
+
+
+def _needed(module: str, extra: str) -> Any:
+    """A module of a package that not everybody has."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise ImportError(f"this needs {error.name}: pip install 'brdfarm[{extra}]'") from error
 
 
 def _open(name: str) -> _Source:

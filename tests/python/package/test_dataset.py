@@ -3,6 +3,7 @@
 import multiprocessing
 import pickle
 import shutil
+import sys
 
 import numpy as np
 import OpenEXR
@@ -91,6 +92,15 @@ def test_rectified_is_what_an_export_has(store, command, tmp_path):
     assert np.allclose(found, pixels, rtol=2**-10, atol=1e-7)
     with pytest.raises(ValueError, match="side|pixels"):
         data.rectified(3, 1, 0)
+
+
+def test_without_pyarrow_images_are_read_and_labels_say_what_they_need(store, monkeypatch):
+    for name in ("pyarrow", "pyarrow.parquet"):
+        monkeypatch.setitem(sys.modules, name, None)
+    data = brdfarm.Dataset(store)
+    assert data[0, 0].pixels.any()
+    with pytest.raises(ImportError, match="brdfarm\\[table\\]"):
+        _ = data.table
 
 
 def _digest(data, key):
