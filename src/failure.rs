@@ -96,6 +96,8 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
                 ExportError::NoSuchView { .. }
                     | ExportError::NoMaterial(_)
                     | ExportError::Occupied { .. }
+                    | ExportError::OtherExport { .. }
+                    | ExportError::OtherExportInBucket { .. }
                     | ExportError::OtherTable { .. }
                     | ExportError::Rectify(_)
             )

@@ -56,6 +56,29 @@ pub enum ExportError {
         /// What is there.
         found: String,
     },
+    /// The folder to export to holds another export.
+    #[error(
+        "{} holds {found}: replace it with --overwrite, or choose another folder",
+        folder.display()
+    )]
+    OtherExport {
+        /// The folder.
+        folder: PathBuf,
+        /// Which export is there.
+        found: String,
+    },
+    /// Only exports in folders are replaced.
+    #[error(
+        "{} holds {found}, and an export in a bucket is not replaced: remove its objects first, or \
+         choose another prefix",
+        place.display()
+    )]
+    OtherExportInBucket {
+        /// The place in the bucket.
+        place: PathBuf,
+        /// Which export is there.
+        found: String,
+    },
     /// Another table of observability is there, or something else.
     #[error("{} holds {found}: remove it, or choose another --out", path.display())]
     OtherTable {

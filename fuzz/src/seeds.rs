@@ -302,6 +302,7 @@ fn manifests() -> Vec<(&'static str, Vec<u8>)> {
             shard_bytes: 1 << 20,
             threads: 1,
             publication: Publication::default(),
+            overwrite: false,
         };
         let out = scratch.path().join(name);
         export_layout(&store, &options, b"", &out, &|_| ()).unwrap();

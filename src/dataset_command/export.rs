@@ -69,6 +69,10 @@ pub struct Options {
     /// change such a file changes the store
     #[arg(long)]
     links: bool,
+    /// Replace another export in the same folder. Only what an export writes is removed; if the folder
+    /// holds anything else, it is refused
+    #[arg(long)]
+    overwrite: bool,
     /// Approximate size of a shard, in megabytes
     #[arg(long, default_value_t = SHARD_BYTES / MEGABYTE, value_name = "MB",
           value_parser = clap::value_parser!(u64).range(1..=1 << 20))]
@@ -163,6 +167,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             url: options.url.clone(),
             date: options.published.clone(),
         },
+        overwrite: options.overwrite,
     };
     let chosen = export_options.selection.choose(&store)?;
     let examples = &chosen.materials[..chosen.materials.len().min(EXAMPLE_MATERIALS_MAX)];

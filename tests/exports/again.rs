@@ -1,9 +1,11 @@
 //! Any image again, on a machine that has the program and a manifest and nothing else.
 
+use crate::folder::files_below;
 use crate::small::rendered;
 use crate::workplace::Workplace;
 use serde_json::Value;
 use std::fs;
+use std::path::{Path, PathBuf};
 
 /// Rows that are rendered again.
 const ROWS: usize = 100;
@@ -65,6 +67,54 @@ fn what_leaves_a_store_makes_the_same_store_elsewhere() {
         let said = elsewhere.succeed("run --spec out/specification.toml");
         assert!(said.contains("nothing to do"), "{said}");
     }
+}
+
+/// Another export is replaced only when that is asked for, and then nothing of it stays; what is of no
+/// export is never touched.
+#[test]
+fn another_export_is_replaced_on_request() {
+    let farm = rendered(6);
+    let export = |folder: &str, more: &str| {
+        farm.run(&format!("dataset export {folder} --layout files {more}"))
+    };
+    let refused = |more: &str| {
+        let output = export("out", more);
+        assert_eq!(output.status.code(), Some(2), "{more}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let out = farm.path().join("out");
+    assert!(export("out", "--png --views 5,8").status.success());
+    let before = files_below(&out);
+
+    let said = refused("--views 5");
+    assert!(
+        said.contains("of png_exposure_stops 0.0 where none is wanted"),
+        "{said}"
+    );
+    assert!(said.contains("--overwrite"), "{said}");
+    fs::write(out.join("thesis.tex"), "mine").unwrap();
+    let said = refused("--views 5 --overwrite");
+    assert!(said.contains("thesis.tex"), "{said}");
+    fs::remove_file(out.join("thesis.tex")).unwrap();
+    assert_eq!(files_below(&out), before, "a refusal removes nothing");
+
+    // Killed while the old export was being removed: its plan is still there.
+    fs::remove_dir_all(out.join("train")).unwrap();
+    fs::write(out.join("manifest.parquet.whole.new"), "half").unwrap();
+    assert!(export("out", "--views 5 --overwrite").status.success());
+    assert!(export("fresh", "--views 5").status.success());
+    let fresh = farm.path().join("fresh");
+    let content = |folder: &Path| -> Vec<(PathBuf, Vec<u8>)> {
+        let files = files_below(folder).into_iter();
+        let named = files.map(|path| {
+            let name = path.strip_prefix(folder).unwrap().to_owned();
+            (name, fs::read(&path).unwrap())
+        });
+        named.collect()
+    };
+    assert!(content(&out) == content(&fresh), "it is as a fresh one");
+    // The same once more has nothing to replace.
+    assert!(export("out", "--views 5 --overwrite").status.success());
 }
 
 #[test]

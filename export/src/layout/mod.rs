@@ -79,14 +79,16 @@ pub struct Options {
     pub threads: usize,
     /// What the dataset card says of the publication.
     pub publication: Publication,
+    /// Whether another export in the same folder is replaced.
+    pub overwrite: bool,
 }
 
 /// Exports a store into a folder or a bucket. `progress` is told, from any thread, how many images
 /// are there. `examples` is the picture that the card shows, a PNG file.
 ///
 /// # Errors
-/// Refuses a store that is not complete unless `partial`, a folder that holds something else, and a
-/// disk with too little room. Whatever it ends with, the same call goes on from there.
+/// Refuses a store that is not complete unless `partial`, a folder that holds something else (another
+/// export unless `overwrite`), and a disk with too little room. Whatever it ends with, the same call goes on from there.
 pub fn export(
     store: &ReadOnlyStore,
     options: &Options,
@@ -108,7 +110,7 @@ pub fn export(
         layout: options.layout,
     };
     let plan = Plan::new(&work, options)?;
-    plan.claim(&place)?;
+    plan.claim(&place, options.overwrite)?;
     let undone = work.undone(&plan)?;
     if let Place::Folder(folder) = &place {
         check_room(folder, &undone)?;

@@ -1,18 +1,24 @@
 //! What an export is made of, worked out before anything is written.
 
 use super::{
-    Options, Work,
+    DESCRIPTIONS, Options, Work,
     place::{Place, READ_BYTES_MAX},
     unit::{Layout, Unit},
 };
 use crate::error::ExportError;
+use crate::file::unable;
 use crate::plan_difference::difference;
 use dataset::{Digest, Split};
 use serde_json::json;
 use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
 
 /// The file that says what an export is to be.
 const PLAN_FILE: &str = "export.json";
+
+/// What a file system has in its root.
+const LOST_AND_FOUND: &str = "lost+found";
 
 /// Bytes of labels with an image in a shard, at most.
 const LABEL_BYTES: u64 = 8 << 10;
@@ -74,27 +80,43 @@ impl Plan {
         })
     }
 
-    /// Makes sure that a place is empty or holds this very export, and says in it what it is.
-    pub fn claim(&self, place: &Place) -> Result<(), ExportError> {
+    /// Makes sure that a place is empty or holds this very export, and says in it what it is. Another
+    /// export in a folder is removed first if it is to be overwritten.
+    pub fn claim(&self, place: &Place, overwrite: bool) -> Result<(), ExportError> {
         place.make()?;
-        let occupied = |found: String| ExportError::Occupied {
-            folder: place.name(),
-            found,
+        let found = match place.read(PLAN_FILE)? {
+            Some(found) if found == self.description.as_bytes() => return Ok(()),
+            found => found,
         };
-        match place.read(PLAN_FILE)? {
-            Some(found) if found == self.description.as_bytes() => Ok(()),
-            Some(found) if found.len() as u64 <= READ_BYTES_MAX => {
-                Err(occupied(difference(&found, &self.description, "export")))
-            }
-            Some(_) => Err(occupied("another export".to_owned())),
-            None => {
-                // The plan's own file may have been cut short.
-                let unfinished = format!("{PLAN_FILE}.new");
-                match place.occupant(&[&unfinished, "lost+found"])? {
-                    Some(name) => Err(occupied(format!("{name:?}"))),
-                    None => Ok(place.write_bytes(PLAN_FILE, self.description.as_bytes())?),
+        if let Some(found) = found {
+            let found = match found.len() as u64 <= READ_BYTES_MAX {
+                true => difference(&found, &self.description, "export"),
+                false => "another export".to_owned(),
+            };
+            match place {
+                Place::Folder(folder) if overwrite => remove(folder)?,
+                Place::Folder(folder) => {
+                    return Err(ExportError::OtherExport {
+                        folder: folder.clone(),
+                        found,
+                    });
+                }
+                Place::Bucket(_) => {
+                    return Err(ExportError::OtherExportInBucket {
+                        place: place.name(),
+                        found,
+                    });
                 }
             }
+        }
+        // The plan's own file may have been cut short.
+        let unfinished = format!("{PLAN_FILE}.new");
+        match place.occupant(&[&unfinished, LOST_AND_FOUND])? {
+            Some(name) => Err(ExportError::Occupied {
+                folder: place.name(),
+                found: format!("{name:?}"),
+            }),
+            None => Ok(place.write_bytes(PLAN_FILE, self.description.as_bytes())?),
         }
     }
 
@@ -106,6 +128,41 @@ impl Plan {
         });
         materials.collect()
     }
+}
+
+/// Removes an export from its folder: what an export writes, and nothing if something else is there.
+/// The plan goes last, so if the removal is cut short, the folder is still known as an export.
+fn remove(folder: &Path) -> Result<(), ExportError> {
+    let splits = [Split::Train, Split::Validation, Split::Test].map(Split::name);
+    let mut parts = Vec::new();
+    for entry in fs::read_dir(folder).map_err(unable("read", folder))? {
+        let entry = entry.map_err(unable("read", folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        // What was being written when an export was killed.
+        let stem = name.strip_suffix(".new").unwrap_or(&name);
+        let stem = stem.strip_suffix(".whole").unwrap_or(stem);
+        match stem {
+            PLAN_FILE | LOST_AND_FOUND => {}
+            _ if splits.contains(&stem) || DESCRIPTIONS.contains(&stem) => parts.push(entry),
+            _ => {
+                return Err(ExportError::Occupied {
+                    folder: folder.to_owned(),
+                    found: format!("{name:?} beside an export"),
+                });
+            }
+        }
+    }
+    for part in parts {
+        let path = part.path();
+        let kind = part.file_type().map_err(unable("look at", &path))?;
+        let removed = match kind.is_dir() {
+            true => fs::remove_dir_all(&path),
+            false => fs::remove_file(&path),
+        };
+        removed.map_err(unable("remove", &path))?;
+    }
+    let plan = folder.join(PLAN_FILE);
+    Ok(fs::remove_file(&plan).map_err(unable("remove", &plan))?)
 }
 
 fn units(layout: Layout, split: Split, materials: &[(u32, u64)], options: &Options) -> Vec<Unit> {

@@ -39,6 +39,7 @@ fn options(layout: Layout) -> Options {
         shard_bytes: 200_000,
         threads: 2,
         publication: Publication::default(),
+        overwrite: false,
     }
 }
 
@@ -162,7 +163,7 @@ fn what_is_in_the_way_is_refused() {
     others[1].products.rectified_side = Some(5);
     for (other, named) in others.iter().zip(["views", "rectified_side", "layout"]) {
         let refused = run(&store, other, place.path()).unwrap_err();
-        assert!(matches!(refused, ExportError::Occupied { .. }));
+        assert!(matches!(refused, ExportError::OtherExport { .. }));
         assert!(refused.to_string().contains(named), "{refused}");
     }
 }

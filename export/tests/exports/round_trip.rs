@@ -40,6 +40,7 @@ fn options(layout: Layout) -> Options {
         shard_bytes: 100_000,
         threads: 2,
         publication: Publication::default(),
+        overwrite: false,
     }
 }
 
