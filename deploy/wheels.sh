@@ -14,7 +14,7 @@ glibc='2.28'
 tools='target/wheel-tools'
 out="$PWD/target/wheels"
 bin='python/package/brdfarm/bin'
-requirements='maturin==1.16.0 ziglang==0.15.2 cargo-zigbuild==0.24.1 uv'
+requirements='maturin==1.16.0 ziglang==0.15.2 cargo-zigbuild==0.24.1 uv==0.13.9'
 
 say() { printf 'wheels: %s\n' "$*"; }
 fail() { printf 'wheels: %s\n' "$*" >&2; exit 1; }

@@ -20,6 +20,22 @@ struct Pixels {
     values: Vec<f32>,
 }
 
+/// The most pixels that a film has along a side. The digest of a file says nothing of its size, where
+/// manifest and file are a stranger's.
+const SIDE_PIXELS_MAX: usize = *dataset::specification::limits::IMAGE_SIDE_PIXELS.end() as usize;
+
+impl Pixels {
+    /// Black pixels; none where they would be too many.
+    fn new(size: Vec2<usize>) -> Self {
+        let fits = size.width().max(size.height()) <= SIDE_PIXELS_MAX;
+        let count = if fits { size.area() } else { 0 };
+        Self {
+            width: size.width(),
+            values: vec![0.0; 3 * count],
+        }
+    }
+}
+
 /// The pixels of an EXR file as (height, width, 3), red, green and blue; checked against its digest
 /// where that is given.
 #[pyfunction]
@@ -53,13 +69,12 @@ fn read_pixels(file: &[u8]) -> Result<Pixels, String> {
             .no_deep_data()
             .largest_resolution_level()
             .rgb_channels(
-                |size: Vec2<usize>, _| Pixels {
-                    width: size.width(),
-                    values: vec![0.0; 3 * size.area()],
-                },
+                |size: Vec2<usize>, _| Pixels::new(size),
                 |pixels, at, (red, green, blue): (f32, f32, f32)| {
                     let first = 3 * (at.y() * pixels.width + at.x());
-                    pixels.values[first..first + 3].copy_from_slice(&[red, green, blue]);
+                    if let Some(values) = pixels.values.get_mut(first..first + 3) {
+                        values.copy_from_slice(&[red, green, blue]);
+                    }
                 },
             )
             .first_valid_layer()
@@ -68,6 +83,9 @@ fn read_pixels(file: &[u8]) -> Result<Pixels, String> {
             .from_buffered(Cursor::new(file))
     }));
     match decoded {
+        Ok(Ok(image)) if image.layer_data.channel_data.pixels.values.is_empty() => Err(format!(
+            "the image has no pixels, or more than {SIDE_PIXELS_MAX} a side"
+        )),
         Ok(Ok(image)) => Ok(image.layer_data.channel_data.pixels),
         Ok(Err(error)) => Err(format!(
             "the file is no EXR image that can be read: {error}"

@@ -98,6 +98,15 @@ fn another_export_is_replaced_on_request() {
     fs::remove_file(out.join("thesis.tex")).unwrap();
     assert_eq!(files_below(&out), before, "a refusal removes nothing");
 
+    // Another program's folder, with the same names.
+    let foreign = farm.path().join("foreign");
+    fs::create_dir_all(foreign.join("train")).unwrap();
+    fs::write(foreign.join("train/mine.png"), "mine").unwrap();
+    fs::write(foreign.join("export.json"), "{\"layout\": \"mine\"}").unwrap();
+    let output = export("foreign", "--overwrite");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(foreign.join("train/mine.png").exists());
+
     // Killed while the old export was being removed: its plan is still there.
     fs::remove_dir_all(out.join("train")).unwrap();
     fs::write(out.join("manifest.parquet.whole.new"), "half").unwrap();

@@ -9,7 +9,7 @@ use crate::error::ExportError;
 use crate::file::unable;
 use crate::plan_difference::difference;
 use dataset::{Digest, Split};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
@@ -88,13 +88,20 @@ impl Plan {
             Some(found) if found == self.description.as_bytes() => return Ok(()),
             found => found,
         };
-        if let Some(found) = found {
-            let found = match found.len() as u64 <= READ_BYTES_MAX {
-                true => difference(&found, &self.description, "export"),
+        if let Some(content) = found {
+            let found = match content.len() as u64 <= READ_BYTES_MAX {
+                true => difference(&content, &self.description, "export"),
                 false => "another export".to_owned(),
             };
             match place {
-                Place::Folder(folder) if overwrite => remove(folder)?,
+                // Another program's folder may have the same names.
+                Place::Folder(folder) if overwrite && is_plan(&content) => remove(folder)?,
+                Place::Folder(folder) if !is_plan(&content) => {
+                    return Err(ExportError::Occupied {
+                        folder: folder.clone(),
+                        found: format!("a {PLAN_FILE} that this program did not write"),
+                    });
+                }
                 Place::Folder(folder) => {
                     return Err(ExportError::OtherExport {
                         folder: folder.clone(),
@@ -128,6 +135,13 @@ impl Plan {
         });
         materials.collect()
     }
+}
+
+/// Whether a plan file was written by this program.
+fn is_plan(content: &[u8]) -> bool {
+    let keys = ["layout", "specification", "renderer_version", "images"];
+    let plan = serde_json::from_slice::<Value>(content);
+    plan.is_ok_and(|plan| keys.iter().all(|key| plan.get(key).is_some()))
 }
 
 /// Removes an export from its folder: what an export writes, and nothing if something else is there.

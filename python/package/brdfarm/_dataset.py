@@ -222,6 +222,9 @@ class _Manifest:
         if (material, view) not in self.places:
             raise IndexError(f"{self.name} has no image of material {material}, view {view}")
         path, digest = self.places[material, view]
+        # The manifest may be a stranger's.
+        if path.startswith("/") or ".." in path.split("/"):
+            raise StoreError(f"{self.name}: the path {path!r} leads out of the dataset")
         _, manifest = self.filesystem
         return self.bytes_of(f"{manifest.rpartition('/')[0]}/{path}"), digest
 

@@ -23,7 +23,8 @@ class Rendering:
     at the origin that faces the bulb. The file rounds these to 16 bits where the specification says
     so."""
     error: NDArray[np.float32]
-    """(height, width): half the width of the 95 percent interval of each pixel's worst channel."""
+    """(height, width): half the width of the 95 percent interval of each pixel's worst channel,
+    rounded up. The rounding of `pixels` to 32 bits is not included."""
     digest: str
     """The BLAKE3 digest of the EXR file: that of the command's file."""
     exr: bytes

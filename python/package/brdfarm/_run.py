@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ from brdfarm._specification import Specification
 
 BAD_INPUT = 2
 STOPPED = (130, 143)
+LINES_KEPT = 1000
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def _execute(arguments: list[str], show: Callable[[Progress], None]) -> tuple[in
         # A terminal's Ctrl-C comes to this process alone, which passes it on.
         start_new_session=True,
     )
-    lines: list[str] = []
+    lines: deque[str] = deque(maxlen=LINES_KEPT)
     reader = threading.Thread(target=_read, args=(process.stderr, lines, show), daemon=True)
     reader.start()
     interrupted = False
@@ -118,10 +120,10 @@ def _execute(arguments: list[str], show: Callable[[Progress], None]) -> tuple[in
     if interrupted and code in (0, *STOPPED):
         raise KeyboardInterrupt
     errors = [line for line in lines if line.startswith("error: ")]
-    return code, (errors or lines or [""])[-1]
+    return code, (errors or list(lines) or [""])[-1]
 
 
-def _read(stream: IO[str], lines: list[str], show: Callable[[Progress], None]) -> None:
+def _read(stream: IO[str], lines: deque[str], show: Callable[[Progress], None]) -> None:
     """Takes what the command writes until it ends."""
     broken = False
     for line in stream:

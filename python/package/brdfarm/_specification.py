@@ -56,7 +56,11 @@ class Specification:
         A dict changes the fields that it names and leaves the others. A list replaces a list.
         """
         fields = _merged(self.to_dict(), changes)
-        return self._of(_native.Specification.from_json(json.dumps(fields)))
+        try:
+            text = json.dumps(fields, default=_plain, allow_nan=False)
+        except ValueError:
+            raise ValueError("a number of a specification has to be finite") from None
+        return self._of(_native.Specification.from_json(text))
 
     def to_dict(self) -> dict[str, Any]:
         """All fields, as the TOML file has them."""
@@ -130,6 +134,13 @@ class Specification:
 
 def _from_json(text: str) -> Specification:
     return Specification._of(_native.Specification.from_json(text))
+
+
+def _plain(value: Any) -> Any:
+    """A number or an array of NumPy as Python has it."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"a specification has numbers, texts and lists, and no {type(value).__name__}")
 
 
 def _index(index: int) -> int:

@@ -3,13 +3,17 @@
 import multiprocessing
 import pickle
 import shutil
+import struct
 import sys
 
 import numpy as np
 import OpenEXR
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import brdfarm
+from brdfarm import _native
 
 
 @pytest.fixture(params=["store", "export", "manifest", "url"])
@@ -41,8 +45,7 @@ def test_labels_and_images(data, spec):
 
 def test_pixels_are_openexrs(data, store, tmp_path):
     image = data[1, 2]
-    blobs = list(store.glob(f"blobs/*/{image.digest}*")) or list(store.glob(f"blobs/*/*{image.digest[4:]}*"))
-    (path,) = blobs
+    (path,) = store.glob(f"blobs/*/*{image.digest[4:]}*")
     pixels = OpenEXR.File(str(path)).channels()["RGB"].pixels.astype(np.float32)
     assert np.array_equal(image.pixels, pixels)
 
@@ -69,6 +72,29 @@ def test_a_damaged_image_is_never_returned(store, tmp_path):
         brdfarm.Dataset(copy)[0, 0]
 
 
+def test_a_strangers_manifest_leads_nowhere_else(store, tmp_path):
+    table = brdfarm.Dataset(store).table
+    for path in ("../../../dev/zero", "/dev/zero", "blobs/../../x"):
+        column = pa.array([path] * table.num_rows)
+        changed = table.set_column(table.column_names.index("path"), "path", column)
+        pq.write_table(changed, tmp_path / "manifest.parquet")
+        with pytest.raises(brdfarm.StoreError, match="leads out of the dataset"):
+            brdfarm.Dataset(tmp_path)[0, 0]
+
+
+def test_a_strangers_image_asks_for_no_memory(spec, tmp_path):
+    exr = brdfarm.render(spec, spec.material(0), 0).exr
+    height, width, _ = spec.shape
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    assert exr.count(window) == 2
+    for side in (2**14, 2**30):
+        huge = exr.replace(window, struct.pack("<4i", 0, 0, side, side))
+        with pytest.raises(brdfarm.StoreError, match="pixels|read"):
+            _native.decode(huge)
+    with pytest.raises(brdfarm.StoreError, match="read"):
+        _native.decode(b"no image")
+
+
 def test_names_that_name_nothing(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such folder"):
         brdfarm.Dataset(tmp_path / "absent")
@@ -84,9 +110,8 @@ def test_rectified_is_what_an_export_has(store, command, tmp_path):
     data = brdfarm.Dataset(store)
     found = data.rectified(3, 1, 16)
     split = data.specification.split(3)
-    names = list((tmp_path / "export" / split).glob("000003/*01*rectified*.npy"))
-    if names:
-        assert np.allclose(found, np.load(names[0]), rtol=1e-3)
+    (array,) = (tmp_path / "export" / split).glob("000003/*01.rectified.npy")
+    assert np.allclose(found, np.load(array), rtol=2**-10, atol=1e-7)
     (path,) = (tmp_path / "export" / split).glob("000003/*01.rectified.exr")
     pixels = OpenEXR.File(str(path)).channels()["RGB"].pixels
     assert np.allclose(found, pixels, rtol=2**-10, atol=1e-7)

@@ -2,6 +2,7 @@
 
 import pickle
 
+import numpy as np
 import pytest
 
 import brdfarm
@@ -22,6 +23,13 @@ def test_replace_changes_what_it_names_and_nothing_else(spec):
     assert spec.replace(materials=5).hash == spec.hash
 
 
+def test_numpys_numbers_are_numbers(spec):
+    other = spec.replace(seed=np.int64(7), parameters=dict(roughness=np.array([40.0, 50.0])))
+    assert other == spec.replace(seed=7, parameters=dict(roughness=[40.0, 50.0]))
+    with pytest.raises(TypeError, match="no object"):
+        spec.replace(seed=object())
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -29,7 +37,7 @@ def test_replace_changes_what_it_names_and_nothing_else(spec):
         (dict(materials=-1), "materials|invalid value"),
         (dict(materials=0), "materials"),
         (dict(image=dict(width=0)), "width"),
-        (dict(accuracy=dict(relative=float("nan"))), "."),
+        (dict(accuracy=dict(relative=float("nan"))), "has to be finite"),
         (dict(views=[]), "views"),
         (dict(seed="seven"), "seed|invalid type"),
     ],
