@@ -34,7 +34,7 @@ build() {
   local processor="$1" target="$1-unknown-linux-gnu"
   rustup target add "$target" > /dev/null 2>&1 || fail "rustup cannot add the target $target"
   say "the command for $processor"
-  cargo zigbuild --release --features training --bin brdfarm --target "$target.$glibc" \
+  cargo zigbuild --release --features training,cluster --bin brdfarm --target "$target.$glibc" \
     --config 'profile.release.strip = true' --config 'profile.release.debug = false'
   mkdir -p "$bin"
   cp "${CARGO_TARGET_DIR:-target}/$target/release/brdfarm" "$bin/brdfarm"

@@ -4,7 +4,7 @@ use crate::failure::BadInput;
 use crate::progress::AboveBars;
 use clap::{Args, ValueEnum};
 use std::io::{self, IsTerminal};
-use tracing_subscriber::EnvFilter;
+use tracing_subscriber::{filter::Targets, layer::SubscriberExt, util::SubscriberInitExt};
 
 /// Where logs go and what they say.
 #[derive(Debug, Args)]
@@ -45,15 +45,17 @@ enum Format {
 
 /// Starts logging.
 pub fn start(options: &LogOptions) -> anyhow::Result<()> {
-    let filter = EnvFilter::try_new(&options.log)
+    let filter: Targets = options
+        .log
+        .parse()
         .map_err(|error| BadInput(format!("--log {}: {error}", options.log)))?;
-    let subscriber = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_ansi(io::stderr().is_terminal())
         .with_writer(|| AboveBars);
+    let filtered = tracing_subscriber::registry().with(filter);
     match options.log_format {
-        Format::Human => subscriber.init(),
-        Format::Json => subscriber.json().init(),
+        Format::Human => filtered.with(lines).init(),
+        Format::Json => filtered.with(lines.json()).init(),
     }
     Ok(())
 }

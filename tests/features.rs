@@ -29,3 +29,14 @@ fn burn_and_inverse_are_built_for_the_training_step_alone() {
     assert!(!packages("").iter().any(is_inverse));
     assert!(packages("training").iter().any(is_inverse));
 }
+
+#[test]
+fn clients_of_databases_and_buckets_are_built_for_clusters_alone() {
+    // tokio-postgres speaks to PostgreSQL; quick-xml reads what the three clouds answer.
+    for client in ["tokio-postgres", "quick-xml"] {
+        let is_client = |name: &String| name == client;
+        assert!(!packages("").iter().any(is_client), "{client}");
+        assert!(!packages("training").iter().any(is_client), "{client}");
+        assert!(packages("cluster").iter().any(is_client), "{client}");
+    }
+}

@@ -8,7 +8,7 @@ cd "$(dirname "$0")/.."
 profile="${BRDFARM_SCALE_PROFILE:-release}"
 scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
-cargo build --profile "$profile"
+cargo build --profile "$profile" --features cluster
 BRDFARM_SCALE_STORE="$scratch/store" \
   cargo test --quiet --profile "$profile" -p export --test scale -- --ignored
 folder="$profile"

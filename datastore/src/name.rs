@@ -1,6 +1,6 @@
 //! Which store is meant.
 
-use jobstore_postgres::{Database, without_secrets};
+use jobstore_postgres::{is_database, without_secrets};
 use std::{
     fmt,
     path::{Path, PathBuf},
@@ -20,7 +20,7 @@ impl StoreName {
     pub fn new(name: impl Into<PathBuf>) -> Self {
         let name = name.into();
         match name.to_str() {
-            Some(url) if Database::is_named_by(url) => Self::Database(url.to_owned()),
+            Some(url) if is_database(url) => Self::Database(url.to_owned()),
             _ => Self::Folder(name),
         }
     }

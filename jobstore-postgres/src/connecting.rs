@@ -1,7 +1,7 @@
 //! Connections to a database.
 
 use super::{
-    encryption,
+    DatabaseError, encryption,
     fault::{Fault, told},
 };
 
@@ -10,7 +10,6 @@ use deadpool_postgres::{
     Runtime, Transaction,
 };
 use std::{env, error::Error as _, fs, io, path::PathBuf};
-use thiserror::Error;
 use tokio_postgres::{
     Config, Row,
     config::{Host, SslMode},
@@ -40,56 +39,6 @@ fn settings() -> String {
     )
 }
 
-/// Why a database cannot be used.
-#[derive(Debug, Error)]
-pub enum DatabaseError {
-    /// Its URL makes no sense, and is not repeated: it may have a password.
-    #[error(
-        "a database is named as postgres://USER@HOST:PORT/DATABASE, with %40 for an @ in a password \
-         and the like: {0}"
-    )]
-    Name(String),
-    /// What its URL or the environment says of TLS makes no sense.
-    #[error("{name}: {reason}")]
-    Encryption {
-        /// Its name, without a password.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The server has no such database.
-    #[error("there is no database {0}: make it with `createdb`, or name another")]
-    Missing(String),
-    /// Nobody answers, or we are not let in.
-    #[error(
-        "the database {name} cannot be reached: {reason}; see that it runs, and that host, port, \
-         user and password are right"
-    )]
-    Unreachable {
-        /// Its name, without a password.
-        name: String,
-        /// What it or the system said.
-        reason: String,
-    },
-    /// Its schema is of an older program.
-    #[error(
-        "the database {0} has the tables of an older brdfarm: start a coordinator on it, which \
-         brings them up to date"
-    )]
-    Older(String),
-    /// A store is being copied from it, or into it.
-    #[error("`brdfarm store migrate` is at work on {0}: wait until it ends")]
-    Moving(String),
-    /// It does not do what it is asked.
-    #[error("the database {name} cannot be used: {reason}")]
-    Away {
-        /// Its name, without a password.
-        name: String,
-        /// What it or the system said.
-        reason: String,
-    },
-}
-
 /// A pool of connections to one database.
 #[derive(Clone)]
 pub struct Database {
@@ -98,13 +47,6 @@ pub struct Database {
 }
 
 impl Database {
-    /// Whether a store's name is a database's.
-    pub fn is_named_by(store: &str) -> bool {
-        ["postgres://", "postgresql://"]
-            .iter()
-            .any(|scheme| store.starts_with(scheme))
-    }
-
     /// A pool of connections that are made when they are needed. A password comes from the URL, or
     /// from PGPASSWORD, or from the file that PGPASSFILE names, or from ~/.pgpass.
     pub fn new(url: &str) -> Result<Self, DatabaseError> {

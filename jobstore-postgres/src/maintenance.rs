@@ -2,7 +2,8 @@
 //! lock of their own, and each change alone, as an operator's.
 
 use super::{
-    connecting::{Database, DatabaseError, query},
+    Amendment, Database, DatabaseError,
+    connecting::query,
     fault::Fault,
     locked_jobs::{LockMode, LockedJobs, json, number},
 };
@@ -15,16 +16,6 @@ use tokio::time::sleep;
 pub struct MaintenanceSession {
     pub(super) client: ClientWrapper,
     database: Database,
-}
-
-/// A completion that is to be recorded.
-#[derive(Clone, Copy, Debug)]
-pub struct Amendment<'a> {
-    /// What is to be recorded.
-    pub completion: &'a Completion,
-    /// What counts now, as far as whoever amends it knows: where that is no longer so, nothing is
-    /// done.
-    pub before: Option<&'a Completion>,
 }
 
 impl MaintenanceSession {

@@ -1,25 +1,17 @@
 //! A database from which, or into which, a store is copied: nobody else changes it meanwhile.
 
 use super::{
-    connecting::{DatabaseError, execute, query},
+    DatabaseError, Identity, Live,
+    connecting::{execute, query},
     fault::Fault,
     listing::worker,
     locked_jobs::{LockMode, LockedJobs, json, mode, ms, no_farm, number, record},
     maintenance::MaintenanceSession,
-    schema::{self, Identity},
+    schema,
 };
 use jobqueue::{Changes, JobChange, Policy, WorkerChange};
 use jobstore::kept::{Entry, KeptFarm, Page};
 use tokio_postgres::Row;
-
-/// Who is at work on a database.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Live {
-    /// Workers heard of lately.
-    pub workers: u32,
-    /// Leases that have not run out.
-    pub leases: u32,
-}
 
 impl MaintenanceSession {
     /// Keeps coordinators from starting, and all transactions of those that run waiting, for as

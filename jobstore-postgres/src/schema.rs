@@ -1,9 +1,6 @@
 //! The schema, and which dataset it holds.
 
-use super::{
-    connecting::{Database, DatabaseError, execute},
-    fault::Fault,
-};
+use super::{Database, DatabaseError, Identity, connecting::execute, fault::Fault};
 use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
@@ -13,21 +10,6 @@ const MIGRATIONS: [&str; 4] = [
     include_str!("migrations/0003_compression.sql"),
     include_str!("migrations/0004_identity.sql"),
 ];
-
-/// What a database is about.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Identity {
-    /// The version of the renderer of its images.
-    pub renderer_version: String,
-    /// The digest of its specification, 32 bytes.
-    pub specification_hash: Vec<u8>,
-    /// As JSON; its number of materials is the largest ever asked for.
-    pub specification: String,
-    /// Where the images are.
-    pub blobs: String,
-    /// The store that it is being made a copy of, while not all of it is there.
-    pub migrating_from: Option<String>,
-}
 
 impl Database {
     /// Brings the schema up to date, one process at a time, and reads what the database is about;

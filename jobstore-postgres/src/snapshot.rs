@@ -1,8 +1,7 @@
 //! What a database holds at one instant, for readers: nothing is written, no schema is made.
 
 use super::{
-    Identity,
-    connecting::{Database, DatabaseError},
+    Database, DatabaseError, Identity,
     fault::Fault,
     schema::{self, Standing},
 };

@@ -1,7 +1,6 @@
 //! Many images on one sheet: a row a material, a column a view, both numbered.
 
-use super::{digits, encode_png, to_srgb8};
-use image::{Rgb, RgbImage};
+use super::{canvas::Canvas, digits, to_srgb8};
 
 /// Between tiles, in pixels.
 const GAP: u32 = 4;
@@ -11,7 +10,7 @@ const SIDE_MAX: u32 = 1 << 15;
 
 /// A sheet under construction.
 pub struct ContactSheet {
-    picture: RgbImage,
+    picture: Canvas,
     tile: [u32; 2],
     margin: [u32; 2],
     exposure_stops: f64,
@@ -47,7 +46,7 @@ impl ContactSheet {
                 views.len()
             );
         };
-        let mut picture = RgbImage::from_pixel(width, height, Rgb([32, 32, 32]));
+        let mut picture = Canvas::filled(width, height, [32; 3]);
         for (column, &view) in (0..).zip(views) {
             let centre = margin[0] + column * (tile[0] + GAP) + tile[0] / 2;
             let left = centre.saturating_sub(digits::width(view) / 2);
@@ -73,16 +72,16 @@ impl ContactSheet {
         let left = self.margin[0] + column * (width + GAP);
         let top = self.margin[1] + row * (height + GAP);
         for (index, &value) in (0..width * height).zip(values) {
-            self.picture.put_pixel(
+            self.picture.put(
                 left + index % width,
                 top + index / width,
-                Rgb(to_srgb8(value, self.exposure_stops)),
+                to_srgb8(value, self.exposure_stops),
             );
         }
     }
 
     /// The sheet as PNG.
     pub fn finish(&self) -> anyhow::Result<Vec<u8>> {
-        encode_png(&self.picture)
+        self.picture.to_png()
     }
 }

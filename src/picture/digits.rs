@@ -1,6 +1,6 @@
 //! Numbers on pictures: ten digits of five by three dots.
 
-use image::{Rgb, RgbImage};
+use super::canvas::Canvas;
 
 /// The side of a dot in pixels.
 const DOT: u32 = 2;
@@ -28,17 +28,15 @@ pub fn width(number: u32) -> u32 {
 }
 
 /// Writes `number` with its upper left corner at (`left`, `top`); what does not fit is cut off.
-pub fn draw(picture: &mut RgbImage, number: u32, left: u32, top: u32) {
-    const INK: Rgb<u8> = Rgb([200, 200, 200]);
+pub fn draw(picture: &mut Canvas, number: u32, left: u32, top: u32) {
+    const INK: [u8; 3] = [200; 3];
     for (place, digit) in (0..).zip(number.to_string().bytes()) {
         let shape = SHAPES[usize::from(digit - b'0')];
         for (row, dots) in (0..).zip(shape) {
             for column in (0..3u32).filter(|column| dots >> (2 - column) & 1 == 1) {
                 let (x, y) = (left + (4 * place + column) * DOT, top + row * DOT);
                 for (dx, dy) in (0..DOT * DOT).map(|i| (i % DOT, i / DOT)) {
-                    if let Some(pixel) = picture.get_pixel_mut_checked(x + dx, y + dy) {
-                        *pixel = INK;
-                    }
+                    picture.put(x + dx, y + dy, INK);
                 }
             }
         }

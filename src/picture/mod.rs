@@ -1,14 +1,13 @@
 //! Pictures for people: sRGB PNG, clipped at white.
 
+mod canvas;
 mod contact_sheet;
 mod digits;
 
 pub use contact_sheet::ContactSheet;
 
-use anyhow::Context;
+use canvas::Canvas;
 use dataset::colour::srgb_from_linear;
-use image::{ImageFormat, Rgb, RgbImage};
-use std::io::Cursor;
 
 /// A picture of `values` (linear Rec.709, row by row), brightened by `exposure_stops`, as PNG.
 pub fn develop(
@@ -17,10 +16,15 @@ pub fn develop(
     height: u32,
     exposure_stops: f64,
 ) -> anyhow::Result<Vec<u8>> {
-    let picture = RgbImage::from_fn(width, height, |x, y| {
-        Rgb(to_srgb8(values[(y * width + x) as usize], exposure_stops))
-    });
-    encode_png(&picture)
+    let mut picture = Canvas::filled(width, height, [0; 3]);
+    for (index, value) in (0..).zip(values) {
+        picture.put(
+            index % width,
+            index / width,
+            to_srgb8(*value, exposure_stops),
+        );
+    }
+    picture.to_png()
 }
 
 /// The darkest and the brightest that a picture can be made, in stops.
@@ -39,12 +43,4 @@ pub fn parse_exposure(text: &str) -> Result<f64, String> {
 fn to_srgb8(value: [f64; 3], exposure_stops: f64) -> [u8; 3] {
     let gain = libm::exp2(exposure_stops);
     value.map(|channel| (255.0 * srgb_from_linear((channel * gain).clamp(0.0, 1.0))).round() as u8)
-}
-
-fn encode_png(picture: &RgbImage) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    picture
-        .write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png)
-        .context("cannot encode the picture")?;
-    Ok(bytes)
 }

@@ -32,7 +32,6 @@ use jobqueue::{Policy, Queue, Selection, Stage};
 use jobstore::{
     JobStore, JobStoreContext, JobStoreError, JobsOrder, LocalJobStore, Overview, Publisher,
 };
-use jobstore_postgres::{PostgresJobStore, PresenceLimits};
 use std::{
     collections::HashSet,
     fs::File,
@@ -234,15 +233,13 @@ async fn shared_job_store(
     shared: &Arc<Shared>,
 ) -> Result<Opened, FarmError> {
     let context = context(store.blobs, options, shared);
-    let job_store = PostgresJobStore::new(
+    let job_store = jobstore_postgres::job_store(
         store.database,
         options.queue_policy(),
-        PresenceLimits::default(),
         Arc::<Metrics>::clone(metrics),
         Arc::clone(&context),
     );
-    job_store.publish_overview().await?;
-    Ok((Arc::new(job_store), context, store.staging_lock))
+    Ok((job_store.await?, context, store.staging_lock))
 }
 
 fn context(blobs: Blobs, options: &Options, shared: &Arc<Shared>) -> Arc<JobStoreContext> {

@@ -22,7 +22,7 @@ use imagestore::{
     blobs::{Blobs, Claimed},
     bucket::BucketUrl,
 };
-use jobstore_postgres::{Database, Identity, MaintenanceSession};
+use jobstore_postgres::{Database, Identity, MaintenanceSession, is_database};
 use staging::make_staging;
 use std::{fs::File, path::Path};
 use thiserror::Error;
@@ -128,7 +128,7 @@ pub struct SharedStore {
 impl SharedStore {
     /// Whether the name of a store is that of a shared one.
     pub fn is_named_by(name: &str) -> bool {
-        Database::is_named_by(name)
+        is_database(name)
     }
 
     /// Opens the store in a database, or makes one, for a specification. Asking for more materials

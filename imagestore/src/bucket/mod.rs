@@ -9,6 +9,14 @@
 //!
 //! Architecture invariant: nothing here depends on a conditional write, which some servers race.
 
+#[cfg(feature = "buckets")]
+mod client;
+#[cfg(any(test, not(feature = "buckets")))]
+#[cfg_attr(
+    feature = "buckets",
+    allow(dead_code, reason = "its test is all that runs of it")
+)]
+mod no_client;
 mod object;
 mod url;
 
@@ -16,25 +24,19 @@ pub use object::{ObjectReader, ObjectWriter};
 pub use url::BucketUrl;
 
 use crate::FileError;
-use base64::{Engine, prelude::BASE64_STANDARD};
+#[cfg(feature = "buckets")]
+use client::Client;
 use futures_util::{StreamExt, TryStreamExt, stream};
-use http::{HeaderValue, Method, header::HeaderName};
-use object_store::{
-    BackoffConfig, Error, ObjectStore, ObjectStoreExt, RetryConfig,
-    aws::{AmazonS3Builder, Checksum},
-    azure::MicrosoftAzureBuilder,
-    gcp::GoogleCloudStorageBuilder,
-    path::Path,
-    signer::{SignedUrlOptions, Signer},
-};
+#[cfg(not(feature = "buckets"))]
+use no_client::Client;
+use object_store::{Error, ObjectStoreExt, path::Path};
 use std::{
     fmt, io,
     path::PathBuf,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{Mutex, PoisonError},
     time::Duration,
 };
 use tokio::runtime::{self, Runtime};
-use url::Service;
 
 static IO: Mutex<Option<&'static Runtime>> = Mutex::new(None);
 
@@ -42,8 +44,7 @@ static IO: Mutex<Option<&'static Runtime>> = Mutex::new(None);
 #[derive(Clone)]
 pub struct Bucket {
     url: BucketUrl,
-    store: Arc<dyn ObjectStore>,
-    signer: Arc<dyn Signer>,
+    client: Client,
     runtime: &'static Runtime,
 }
 
@@ -88,41 +89,15 @@ impl Bucket {
     /// nobody yet.
     ///
     /// # Errors
-    /// When the environment makes no sense.
+    /// When the environment makes no sense, and where the program was built without buckets.
     pub fn open(url: &BucketUrl) -> Result<Self, FileError> {
-        // reqwest comes without cryptography, so that the program has ring's alone; whoever was
-        // first to choose stays.
-        let _ = rustls::crypto::ring::default_provider().install_default();
         let runtime = io_runtime().map_err(unable_io("start the threads for", url, ""))?;
         // Some clients look at the runtime while they are made.
         let _entered = runtime.enter();
-        let bucket = url.bucket_url();
-        let (store, signer): Client = match url.service {
-            Service::S3 => both(
-                AmazonS3Builder::from_env()
-                    .with_url(bucket)
-                    .with_retry(retry())
-                    .with_checksum_algorithm(Checksum::SHA256)
-                    .build(),
-            ),
-            Service::Gcs => both(
-                GoogleCloudStorageBuilder::from_env()
-                    .with_url(bucket)
-                    .with_retry(retry())
-                    .build(),
-            ),
-            Service::Azure => both(
-                MicrosoftAzureBuilder::from_env()
-                    .with_url(bucket)
-                    .with_retry(retry())
-                    .build(),
-            ),
-        }
-        .map_err(unable("use", url, ""))?;
+        let client = Client::open(url).map_err(unable_io("use", url, ""))?;
         Ok(Self {
             url: url.clone(),
-            store,
-            signer,
+            client,
             runtime,
         })
     }
@@ -163,7 +138,7 @@ impl Bucket {
 
     /// What is known of an object; `None` where it is missing.
     pub async fn head(&self, key: &str) -> Result<Option<Object>, FileError> {
-        match self.store.head(&self.path(key)).await {
+        match self.client.store().head(&self.path(key)).await {
             Ok(meta) => Ok(Some(Object {
                 key: key.to_owned(),
                 bytes: meta.size,
@@ -178,7 +153,12 @@ impl Bucket {
     /// shows, and costs no memory.
     pub async fn read(&self, key: &str, bytes: u64) -> Result<Vec<u8>, FileError> {
         let failed = |error| unable("read", &self.url, key)(error);
-        let found = self.store.get(&self.path(key)).await.map_err(failed)?;
+        let found = self
+            .client
+            .store()
+            .get(&self.path(key))
+            .await
+            .map_err(failed)?;
         let bytes_max = usize::try_from(bytes)
             .unwrap_or(usize::MAX)
             .saturating_add(1);
@@ -205,7 +185,7 @@ impl Bucket {
     /// Writes a whole object, durably: the server has it when this returns.
     pub async fn write(&self, key: &str, bytes: Vec<u8>) -> Result<Object, FileError> {
         let size = bytes.len() as u64;
-        let written = self.store.put(&self.path(key), bytes.into()).await;
+        let written = self.client.store().put(&self.path(key), bytes.into()).await;
         let written = written.map_err(unable("write", &self.url, key))?;
         Ok(Object {
             key: key.to_owned(),
@@ -216,14 +196,21 @@ impl Bucket {
 
     /// Has the server copy an object; no byte comes here.
     pub async fn copy(&self, from: &str, to: &str) -> Result<(), FileError> {
-        let copied = self.store.copy(&self.path(from), &self.path(to)).await;
+        let copied = self
+            .client
+            .store()
+            .copy(&self.path(from), &self.path(to))
+            .await;
         copied.map_err(unable("write", &self.url, to))
     }
 
     /// Removes objects, many with one request where the server can. What is not there is no error.
     pub async fn remove(&self, keys: Vec<String>) -> Result<(), FileError> {
         let paths: Vec<_> = keys.iter().map(|key| Ok(self.path(key))).collect();
-        let removed = self.store.delete_stream(stream::iter(paths).boxed());
+        let removed = self
+            .client
+            .store()
+            .delete_stream(stream::iter(paths).boxed());
         let failed = |error| match error {
             Error::NotFound { .. } => Ok(()),
             error => Err(unable("remove objects of", &self.url, "")(error)),
@@ -241,7 +228,10 @@ impl Bucket {
         mut look: impl FnMut(Object),
     ) -> Result<(), FileError> {
         let below = self.path(folder);
-        let mut objects = self.store.list((!below.is_root()).then_some(&below));
+        let mut objects = self
+            .client
+            .store()
+            .list((!below.is_root()).then_some(&below));
         while let Some(meta) = objects
             .try_next()
             .await
@@ -259,7 +249,7 @@ impl Bucket {
     /// The key of some object that is there, if any is.
     pub async fn first(&self) -> Result<Option<String>, FileError> {
         let root = &self.url.prefix;
-        let mut objects = self.store.list((!root.is_root()).then_some(root));
+        let mut objects = self.client.store().list((!root.is_root()).then_some(root));
         let first = objects.try_next().await;
         let first = first.map_err(unable("list", &self.url, ""))?;
         Ok(first.map(|meta| self.key_of(&meta.location)))
@@ -274,28 +264,8 @@ impl Bucket {
         md5: [u8; 16],
         valid: Duration,
     ) -> Result<UploadUrl, FileError> {
-        let path = self.path(key);
-        let md5 = BASE64_STANDARD.encode(md5);
-        let mut headers = vec![("content-md5".to_owned(), md5.clone())];
-        let signed = if self.url.service == Service::Azure {
-            headers.push(("x-ms-blob-type".to_owned(), "BlockBlob".to_owned()));
-            self.signer.signed_url(Method::PUT, &path, valid).await
-        } else {
-            let name = HeaderName::from_static("content-md5");
-            let Ok(value) = HeaderValue::from_str(&md5) else {
-                unreachable!("base64 is plain text");
-            };
-            let options = SignedUrlOptions::new().with_signed_header(name, value);
-            let signed = self
-                .signer
-                .signed_url_opts(Method::PUT, &path, valid, &options);
-            signed.await
-        };
-        let signed = signed.map_err(unable("sign an upload to", &self.url, ""))?;
-        Ok(UploadUrl {
-            url: signed.into(),
-            headers,
-        })
+        let signed = self.client.upload_url(&self.path(key), md5, valid).await;
+        signed.map_err(unable("sign an upload to", &self.url, ""))
     }
 
     fn key_of(&self, path: &Path) -> String {
@@ -306,25 +276,6 @@ impl Bucket {
     fn path(&self, key: &str) -> Path {
         let parts = key.split('/').filter(|part| !part.is_empty());
         parts.fold(self.url.prefix.clone(), |path, part| path.join(part))
-    }
-}
-
-/// One client, as what stores and as what signs.
-type Client = (Arc<dyn ObjectStore>, Arc<dyn Signer>);
-
-fn both<S: ObjectStore + Signer>(built: Result<S, Error>) -> Result<Client, Error> {
-    let store = Arc::new(built?);
-    Ok((Arc::clone(&store) as _, store))
-}
-
-fn retry() -> RetryConfig {
-    RetryConfig {
-        backoff: BackoffConfig {
-            max_backoff: limits::BUCKET_BACKOFF_MAX,
-            ..BackoffConfig::default()
-        },
-        max_retries: limits::BUCKET_RETRIES_MAX,
-        retry_timeout: limits::BUCKET_RETRY_MAX,
     }
 }
 

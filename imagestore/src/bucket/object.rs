@@ -55,7 +55,7 @@ impl Read for ObjectReader {
             let range = self.at..until;
             let read = self
                 .bucket
-                .block_on(self.bucket.store.get_range(&path, range));
+                .block_on(self.bucket.client.store().get_range(&path, range));
             self.ahead = read?;
             self.at += self.ahead.len() as u64;
         }
@@ -72,7 +72,7 @@ impl ObjectWriter {
     /// When the server does not want it.
     pub fn new(bucket: &Bucket, key: &str) -> io::Result<Self> {
         let path = bucket.path(key);
-        let upload = bucket.block_on(bucket.store.put_multipart(&path))?;
+        let upload = bucket.block_on(bucket.client.store().put_multipart(&path))?;
         Ok(Self {
             bucket: bucket.clone(),
             upload: Some(upload),

@@ -1,8 +1,9 @@
 //! What names a bucket.
 
-use object_store::{path::Path, signer::Url};
+use object_store::path::Path;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
+use url::Url;
 
 /// A place in a bucket, such as `s3://bucket/prefix`. Has no slash at its end, and carries neither
 /// names nor keys of anybody: those come from the environment.
