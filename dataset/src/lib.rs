@@ -23,6 +23,7 @@ mod index_list;
 pub mod keystream;
 pub mod manifest;
 mod material;
+mod pixel_statistics;
 mod sampling;
 pub mod sobol;
 pub mod specification;
@@ -38,7 +39,8 @@ pub use image_file::{
 pub use image_label::{ErrorStatistics, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION};
 pub use index_list::{IndexList, IndexListError};
 pub use manifest::{CompletedView, blob_path};
-pub use material::{Material, MaterialError, ReadMaterialError};
+pub use material::{HUE_ALONE_TO_PERCENT, Material, MaterialError, ReadMaterialError};
+pub use pixel_statistics::{DARK_BELOW, LUMINANCE_WEIGHTS, PixelStatistics};
 pub use sampling::SampledMaterial;
 pub use specification::{Specification, SpecificationError};
 pub use split::Split;

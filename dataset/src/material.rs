@@ -1,6 +1,6 @@
 //! A material: ten numbers.
 
-use crate::specification::limits;
+use crate::specification::{Tint, limits};
 use serde::{Deserialize, Serialize};
 use std::ops::RangeInclusive;
 
@@ -43,7 +43,28 @@ pub struct Material {
     pub rgb90: [f64; 3],
 }
 
+/// Up to this roughness R, percent, and under the tint `hue`, a common factor of both colours changes no
+/// image, to the bit.
+pub const HUE_ALONE_TO_PERCENT: f64 = 90.0;
+
 impl Material {
+    /// The same with both colours over the largest of their six channels where their common factor
+    /// changes no image: what images can tell of the colours. Unchanged elsewhere, and where both
+    /// colours are black.
+    #[must_use]
+    pub fn scaled(&self, tint: Tint) -> Self {
+        let channels = self.rgb0.iter().chain(&self.rgb90);
+        let largest = channels.copied().fold(0.0, f64::max);
+        if tint != Tint::Hue || self.roughness > HUE_ALONE_TO_PERCENT || largest <= 0.0 {
+            return *self;
+        }
+        Self {
+            rgb0: self.rgb0.map(|channel| channel / largest),
+            rgb90: self.rgb90.map(|channel| channel / largest),
+            ..*self
+        }
+    }
+
     /// Reads a material as JSON: the fields of this type, all of them.
     ///
     /// # Errors

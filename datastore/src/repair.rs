@@ -170,6 +170,7 @@ fn settle(
         digest: Digest::of(&again.bytes),
         bytes: again.bytes.len() as u64,
         statistics: again.statistics,
+        pixels: Some(again.pixels),
     };
     let as_recorded = true_view.digest == recorded.digest;
     let in_ledger = in_ledger.is_some_and(|view| view.digest == true_view.digest);

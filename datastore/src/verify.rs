@@ -5,7 +5,7 @@
 //! rendered again, byte for byte, and a black image is a fault where light must arrive.
 
 use crate::{ImageFault, ReadOnlyStore, garbage};
-use dataset::{CompletedView, Digest, ErrorStatistics, ImageHeader};
+use dataset::{CompletedView, Digest, ErrorStatistics, ImageHeader, PixelStatistics};
 use imagestore::{
     FileError,
     validation::{Rejection, check_identity, decode, expected_headers},
@@ -44,6 +44,8 @@ pub struct Rerendered {
     pub bytes: Vec<u8>,
     /// Its error and cost.
     pub statistics: ErrorStatistics,
+    /// How bright it is.
+    pub pixels: PixelStatistics,
 }
 
 /// What is checked, and how.
@@ -100,7 +102,8 @@ pub enum FaultKind {
     Black,
     /// It renders again to other bytes.
     Rerender,
-    /// It renders again to the same bytes, but with another error than is recorded.
+    /// Its pixels have another brightness than is recorded, or it renders again to the same bytes, but
+    /// with another error.
     Statistics,
 }
 
@@ -261,8 +264,10 @@ fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) ->
     for ((view, header), read) in completion.views.iter().zip(&expected).zip(read) {
         let again = is_chosen(checks, material, header.view);
         report.images_rerendered += u64::from(again);
-        let checked = verify_image(store, read, header).and_then(|lit| {
+        let checked = verify_image(store, read, header).and_then(|pixels| {
+            let lit = pixels.iter().any(|pixel| *pixel != [0.0; 3]);
             check_light(checks, material, header.view, lit)?;
+            check_brightness(store, view, header.view, &pixels)?;
             match checks.renderer {
                 Some(renderer) if again => render_again(renderer, material, header.view, view),
                 _ => Ok(()),
@@ -285,12 +290,12 @@ fn verify_material(store: &ReadOnlyStore, material: u32, checks: &Checks<'_>) ->
     report
 }
 
-/// Checks an image without a renderer and returns whether any of its pixels is lit.
+/// Checks an image without a renderer and returns its pixels.
 fn verify_image(
     store: &ReadOnlyStore,
     read: Result<Vec<u8>, ImageFault>,
     expected: &ImageHeader,
-) -> Result<bool, (FaultKind, String)> {
+) -> Result<Vec<[f32; 3]>, (FaultKind, String)> {
     let bytes = read.map_err(|fault| {
         let kind = match fault {
             ImageFault::Missing => FaultKind::Missing,
@@ -310,7 +315,24 @@ fn verify_image(
             };
             (kind, rejection.to_string())
         })?;
-    Ok(decoded.pixels.iter().any(|pixel| *pixel != [0.0; 3]))
+    Ok(decoded.pixels)
+}
+
+/// That what is recorded of an image's brightness is what its pixels say.
+fn check_brightness(
+    store: &ReadOnlyStore,
+    done: &CompletedView,
+    view: u32,
+    pixels: &[[f32; 3]],
+) -> Result<(), (FaultKind, String)> {
+    let found = PixelStatistics::of(store.specification(), view, pixels);
+    match (done.pixels, found) {
+        (Some(recorded), Some(found)) if recorded != found => {
+            let what = format!("its brightness is {found}; recorded is {recorded}");
+            Err((FaultKind::Statistics, what))
+        }
+        _ => Ok(()),
+    }
 }
 
 fn check_light(

@@ -1,8 +1,11 @@
 //! Which materials and views leave.
 
 use crate::error::ExportError;
-use dataset::{CompletedView, Specification, Split, condition::Condition, manifest::Row};
+use dataset::{
+    CompletedView, PixelStatistics, Specification, Split, condition::Condition, manifest::Row,
+};
 use datastore::ReadOnlyStore;
+use imagestore::validation::decode;
 
 /// What is wanted of a store.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -122,7 +125,8 @@ impl Chosen {
             .collect())
     }
 
-    /// The chosen images of one of the materials.
+    /// The chosen images of one of the materials, with whole rows. Images are read whose brightness an
+    /// earlier version did not record.
     pub fn images_of(
         &self,
         store: &ReadOnlyStore,
@@ -133,9 +137,37 @@ impl Chosen {
         let sampled = specification.material(material);
         let images = self.files_of(store, material)?.into_iter();
         let images = images.map(|(view, done)| {
-            let row = Row::new(specification, hash, &sampled, view, &done);
-            ChosenImage { view, done, row }
+            let whole = CompletedView {
+                pixels: Some(match done.pixels {
+                    Some(pixels) => pixels,
+                    None => pixel_statistics(store, view, &done)?,
+                }),
+                ..done.clone()
+            };
+            let row = Row::new(specification, hash, &sampled, view, &whole);
+            Ok(ChosenImage { view, done, row })
         });
-        Ok(images.collect())
+        images.collect()
     }
+}
+
+/// The brightness of an image, from its pixels.
+fn pixel_statistics(
+    store: &ReadOnlyStore,
+    view: u32,
+    done: &CompletedView,
+) -> Result<PixelStatistics, ExportError> {
+    let faulty = |reason| ExportError::Image {
+        path: store.image_path(&done.digest),
+        reason,
+    };
+    let bytes = store
+        .read_image(done)
+        .map_err(|fault| faulty(fault.to_string()))?;
+    let decoded = decode(&bytes, store.specification());
+    let pixels = decoded
+        .map_err(|rejection| faulty(rejection.to_string()))?
+        .pixels;
+    PixelStatistics::of(store.specification(), view, &pixels)
+        .ok_or_else(|| faulty("it is no image of this view".to_owned()))
 }

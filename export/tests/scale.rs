@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
 
-use dataset::{CompletedView, Digest, ErrorStatistics, Specification};
+use dataset::{CompletedView, Digest, ErrorStatistics, PixelStatistics, Specification};
 use datastore::Store;
 use exr::prelude::*;
 use jobqueue::Completion;
@@ -68,6 +68,13 @@ fn make_a_store_of_126_000_images() {
                         samples: 0,
                         evaluations: u64::from(material) * 1000,
                     },
+                    pixels: Some(PixelStatistics {
+                        sample_share: 0.2,
+                        brightness_mean: 1e-2 / f64::from(1 + view),
+                        brightness_p99: 0.1 + 0.2,
+                        dark_share: 1e-3 * f64::from(material % 97),
+                        above_white_share: 0.0,
+                    }),
                 });
                 images.push((digest, bytes));
             }

@@ -49,6 +49,13 @@ impl Completion {
                 digest: dataset::Digest::of(image),
                 bytes: 5,
                 statistics,
+                pixels: Some(dataset::PixelStatistics {
+                    sample_share: 0.25,
+                    brightness_mean: 0.1,
+                    brightness_p99: 0.75,
+                    dark_share: 0.5,
+                    above_white_share: 0.0,
+                }),
             }],
             seconds: 0.25,
             worker: String::new(),

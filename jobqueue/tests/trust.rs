@@ -31,6 +31,7 @@ fn images(of: u8) -> Fingerprint {
             samples: 0,
             evaluations: 0,
         },
+        pixels: None,
     }])
 }
 

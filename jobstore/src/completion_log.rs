@@ -296,7 +296,7 @@ fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>) -> io::Result<u64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::{CompletedView, ErrorStatistics};
+    use dataset::{CompletedView, ErrorStatistics, PixelStatistics};
     use std::fs;
 
     fn completion(material: u32) -> Completion {
@@ -311,6 +311,14 @@ mod tests {
                 samples: u64::MAX,
                 evaluations: 7,
             },
+            // Some records are of versions that did not note it.
+            pixels: (view > 0).then_some(PixelStatistics {
+                sample_share: 0.1 + 0.2,
+                brightness_mean: 1e-300,
+                brightness_p99: 4.0,
+                dark_share: 1.0,
+                above_white_share: 0.0,
+            }),
         };
         Completion {
             material,

@@ -27,10 +27,10 @@ pub use generated::{
     GetDatasetResponse, GetUploadUrlsRequest, GetUploadUrlsResponse, Header, Job, JobDetail,
     JobFailure, JobSelection, JobState, JobsChanged, LeaseRequest, LeaseResponse, ListJobsRequest,
     ListJobsResponse, ListWorkersRequest, ListWorkersResponse, MaterialRange, Mode, ModeChanged,
-    PauseRequest, PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse, RegisterRequest,
-    RegisterResponse, RenewRequest, RenewResponse, Renewal, ResumeRequest, RetryJobsRequest,
-    SetAside, StatusRequest, StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, Upload,
-    UploadUrl, View, WatchEventsRequest, WorkerDetail, WorkerFailure,
+    PauseRequest, PixelStatistics, PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse,
+    RegisterRequest, RegisterResponse, RenewRequest, RenewResponse, Renewal, ResumeRequest,
+    RetryJobsRequest, SetAside, StatusRequest, StatusResponse, UnbarWorkerRequest,
+    UnbarWorkerResponse, Upload, UploadUrl, View, WatchEventsRequest, WorkerDetail, WorkerFailure,
 };
 
 /// What a coordinator implements for people, one method a call.

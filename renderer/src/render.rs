@@ -11,8 +11,8 @@ use crate::phase_time::{PhaseTime, timed};
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
 use dataset::{
-    Digest, ErrorStatistics, ImageHeader, Material, MaterialError, RENDERER_VERSION, Specification,
-    specification::IntegratorKind,
+    Digest, ErrorStatistics, ImageHeader, Material, MaterialError, PixelStatistics,
+    RENDERER_VERSION, Specification, specification::IntegratorKind,
 };
 
 /// Renders views of materials under one specification. The scenes of all views are built once.
@@ -46,6 +46,8 @@ pub struct Rendering {
     pub exr: Vec<u8>,
     /// The error and the cost.
     pub statistics: ErrorStatistics,
+    /// How bright it is.
+    pub pixels: PixelStatistics,
     /// What each phase took, in the order in which they ran.
     pub phases: Vec<PhaseTime>,
 }
@@ -192,10 +194,15 @@ impl Renderer {
                 self.specification.white_luminance(),
             )
         })?;
+        let stored = exr_file::stored_pixels(&film, self.specification.image.pixel);
+        let Some(pixels) = PixelStatistics::of(&self.specification, view, &stored) else {
+            unreachable!("the film is of a view of the specification");
+        };
         Ok(Rendering {
             header,
             integrator,
             exr,
+            pixels,
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
             phases,

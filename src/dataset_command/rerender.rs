@@ -54,6 +54,7 @@ impl Rerender for Again {
         Ok(Rerendered {
             bytes: rendering.exr,
             statistics: rendering.statistics,
+            pixels: rendering.pixels,
         })
     }
 

@@ -135,6 +135,60 @@ def check_files(reference, folder):
     return len(rows)
 
 
+def sample_pixels(row, pixels):
+    """The pixels of the sample, N x 3: those whose centre the homography takes into the square."""
+    height, width = pixels.shape[:2]
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    homography = np.reshape(row["sample_from_film"], (3, 3))
+    u, v, w = homography @ np.stack([x, y, np.ones_like(x)]).reshape(3, -1)
+    is_sample = (w > 0) & (u >= 0) & (u <= w) & (v >= 0) & (v <= w)
+    return pixels.reshape(-1, 3).astype(np.float64)[is_sample]
+
+
+def check_brightness(folder):
+    """Recomputes what manifest and card say of pixels."""
+    rows = pyarrow.parquet.read_table(folder / "manifest.parquet").to_pylist()
+    everything = []
+    for row in rows:
+        pixels = read_exr(folder / row["path"])
+        of_sample = sample_pixels(row, pixels)
+        everything.append(of_sample)
+        luminance = of_sample @ [0.2126, 0.7152, 0.0722]
+        expected = {
+            "sample_share": len(luminance) / pixels[..., 0].size,
+            "brightness_mean": luminance.mean(),
+            "brightness_p99": np.percentile(luminance, 99),
+            "dark_share": (luminance < 1 / 255).mean(),
+            "above_white_share": (luminance > 1).mean(),
+            "angle_twice_sin": np.sin(2 * np.radians(row["angle_deg"])),
+            "angle_twice_cos": np.cos(2 * np.radians(row["angle_deg"])),
+        }
+        for name, value in expected.items():
+            assert np.isclose(row[name], value, rtol=1e-6, atol=1e-12), f"{name}: {row[name]}, {value}"
+        colours = np.array([row["rgb0_linear"], row["rgb90_linear"]])
+        if row["roughness"] <= 90 and row["tint"] == "hue":
+            colours /= colours.max()
+        assert np.allclose([row["rgb0_scaled"], row["rgb90_scaled"]], colours, rtol=1e-12)
+    check_card(folder, rows, np.concatenate(everything))
+
+
+def check_card(folder, rows, pixels):
+    """Six digits of each number in the card's table of channels."""
+    card = (folder / "README.md").read_text()
+    for channel, name in enumerate("RGB"):
+        line = next(line for line in card.splitlines() if line.startswith(f"| {name} |"))
+        told = [float(cell) for cell in line.strip("| ").split(" | ")[1:]]
+        values = pixels[:, channel]
+        percentiles = np.percentile(values, [1, 25, 50, 75, 99], method="inverted_cdf")
+        logs = np.log1p(values)
+        expected = [
+            values.mean(), values.std(), *percentiles, values.max(), logs.mean(), logs.std()
+        ]
+        assert np.allclose(told, expected, rtol=1e-6, atol=1e-12), f"{told}, {expected}"
+    within = 100 * np.mean([row["within_target"] for row in rows])
+    assert f"{within:.4f} percent of the pixels are within it" in card, within
+
+
 def check_webdataset(reference, folder):
     found = 0
     for split in SPLITS:
@@ -198,12 +252,16 @@ def check_croissant(reference, folder):
             for name, value in row.items()
         })
     reference.check_all(rows, "mlcroissant")
+    pixels = next(one for one in described["recordSet"] if one["@id"] == "pixels")["field"][0]
+    height, width, _ = next(iter(reference.pixels.values())).shape
+    assert pixels["arrayShape"] == f"{height},{width},3", pixels
 
 
 def main(store, manifests, files, webdataset_folder, huggingface):
     reference = Reference(store, manifests / "manifest.parquet")
     check_tables(reference, manifests)
     images = check_files(reference, files)
+    check_brightness(files)
     check_webdataset(reference, webdataset_folder)
     check_huggingface(reference, huggingface)
     for folder in (files, webdataset_folder, huggingface):

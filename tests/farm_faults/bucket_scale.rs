@@ -4,7 +4,10 @@ use crate::cheap_image;
 use crate::harness::{Harness, Process, patience};
 use crate::s3::{BUCKET, Server, UPLOAD};
 use bytes::Bytes;
-use dataset::{CompletedView, Digest, ErrorStatistics, SampledMaterial, Specification, blob_path};
+use dataset::{
+    CompletedView, Digest, ErrorStatistics, PixelStatistics, SampledMaterial, Specification,
+    blob_path,
+};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use jobqueue::Completion;
 use jobstore::completion_log::CompletionLog;
@@ -97,6 +100,7 @@ fn synthetic(materials: u32) -> (Harness, Server) {
                 digest,
                 bytes: image.len() as u64,
                 statistics: STATISTICS,
+                pixels: None,
             }
         });
         Completion {
@@ -143,6 +147,7 @@ impl Render for Bytes14 {
         Ok(RenderedView {
             exr: image(material.index, view, self.bytes),
             statistics: STATISTICS,
+            pixels: PixelStatistics::default(),
         })
     }
 }

@@ -209,6 +209,7 @@ impl Client {
                 size: upload.size,
                 statistics: Some(proto::ErrorStatistics::default()),
                 image: upload.data.clone(),
+                pixels: Some(proto::PixelStatistics::default()),
             });
             let message = proto::CompleteRequest {
                 token: job.token,

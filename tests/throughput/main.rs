@@ -444,6 +444,7 @@ async fn work_until(
                     size: upload.size,
                     statistics: Some(proto::ErrorStatistics::default()),
                     image,
+                    pixels: Some(proto::PixelStatistics::default()),
                 });
             }
             let message = proto::CompleteRequest {

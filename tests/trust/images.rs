@@ -1,7 +1,7 @@
 //! What honest workers deliver, and what liars do.
 
 use dataset::{Digest, Specification};
-use proto::{ErrorStatistics, View};
+use proto::{ErrorStatistics, PixelStatistics, View};
 use renderer::{Renderer, Rendering, encode_exr, geometry::BackendChoice};
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ pub struct Images {
 }
 
 fn message(data: Vec<u8>, rendering: &Rendering) -> View {
-    let statistics = &rendering.statistics;
+    let (statistics, pixels) = (&rendering.statistics, &rendering.pixels);
     View {
         digest: Digest::of(&data).as_bytes().to_vec(),
         size: data.len() as u64,
@@ -27,6 +27,13 @@ fn message(data: Vec<u8>, rendering: &Rendering) -> View {
         }),
         md5: Vec::new(),
         image: data.into(),
+        pixels: Some(PixelStatistics {
+            sample_share: pixels.sample_share,
+            brightness_mean: pixels.brightness_mean,
+            brightness_p99: pixels.brightness_p99,
+            dark_share: pixels.dark_share,
+            above_white_share: pixels.above_white_share,
+        }),
     }
 }
 

@@ -13,7 +13,7 @@ use limits::protocol::IMAGES_BROUGHT_BYTES_MAX;
 use md5::{Digest as _, Md5};
 use proto::{
     CompleteRequest, ErrorStatistics, FailRequest, FindMissingBlobsRequest,
-    FindMissingBlobsResponse, GetUploadUrlsRequest, PutBlobRequest, Upload, View,
+    FindMissingBlobsResponse, GetUploadUrlsRequest, PixelStatistics, PutBlobRequest, Upload, View,
 };
 use std::{collections::VecDeque, sync::atomic::Ordering};
 use tokio::{
@@ -280,7 +280,7 @@ fn md5(image: &RenderedView) -> Vec<u8> {
 
 fn completion(job: &Job, rendered: &RenderedJob, with_md5s: bool) -> CompleteRequest {
     let views = rendered.views.iter().map(|(digest, image)| {
-        let statistics = image.statistics;
+        let (statistics, pixels) = (image.statistics, image.pixels);
         View {
             digest: digest.as_bytes().to_vec(),
             size: image.exr.len() as u64,
@@ -294,6 +294,13 @@ fn completion(job: &Job, rendered: &RenderedJob, with_md5s: bool) -> CompleteReq
             }),
             md5: if with_md5s { md5(image) } else { Vec::new() },
             image: Bytes::new(),
+            pixels: Some(PixelStatistics {
+                sample_share: pixels.sample_share,
+                brightness_mean: pixels.brightness_mean,
+                brightness_p99: pixels.brightness_p99,
+                dark_share: pixels.dark_share,
+                above_white_share: pixels.above_white_share,
+            }),
         }
     });
     CompleteRequest {

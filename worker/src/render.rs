@@ -1,6 +1,6 @@
 //! What turns a material and a view into an image, as the worker sees it.
 
-use dataset::{ErrorStatistics, SampledMaterial, Specification};
+use dataset::{ErrorStatistics, PixelStatistics, SampledMaterial, Specification};
 use renderer::{RenderError, Renderer, geometry::BackendChoice};
 use thiserror::Error;
 
@@ -11,6 +11,8 @@ pub struct RenderedView {
     pub exr: Vec<u8>,
     /// The measured error and the cost.
     pub statistics: ErrorStatistics,
+    /// How bright it is.
+    pub pixels: PixelStatistics,
 }
 
 /// Why a view could not be rendered. The sentence is kept with the job.
@@ -49,6 +51,7 @@ impl Render for RendererBackend {
         Ok(RenderedView {
             exr: rendering.exr,
             statistics: rendering.statistics,
+            pixels: rendering.pixels,
         })
     }
 }

@@ -6,7 +6,7 @@ use super::{
     random,
 };
 use bytes::Bytes;
-use dataset::{CompletedView, Digest, ImageHeader};
+use dataset::{CompletedView, Digest, ImageHeader, PixelStatistics};
 use imagestore::{
     staging::{Credential, Holder, LeaseOf, Sender, StagedImage},
     validation::{self, Rejection},
@@ -278,7 +278,10 @@ impl Farm {
             )));
         }
         for (view, image) in completion.views.iter().enumerate() {
-            if let Err(reason) = image.statistics.check() {
+            let pixels = image.pixels.as_ref();
+            let checked = image.statistics.check();
+            let checked = checked.and_then(|()| pixels.map_or(Ok(()), PixelStatistics::check));
+            if let Err(reason) = checked {
                 return Err(FarmError::Invalid(format!("view {view}: {reason}")));
             }
         }

@@ -9,7 +9,7 @@ use crate::{
     farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial},
     security::{Caller, Role},
 };
-use dataset::{CompletedView, Digest, ErrorStatistics, RENDERER_VERSION};
+use dataset::{CompletedView, Digest, ErrorStatistics, PixelStatistics, RENDERER_VERSION};
 use imagestore::staging::{Credential, LeaseOf};
 use jobqueue::identity::{OPERATOR, full_name};
 use jobstore::Renewal;
@@ -338,5 +338,12 @@ fn completed_view(view: &proto::View) -> Result<CompletedView, Status> {
             samples: statistics.samples,
             evaluations: statistics.evaluations,
         },
+        pixels: view.pixels.as_ref().map(|pixels| PixelStatistics {
+            sample_share: pixels.sample_share,
+            brightness_mean: pixels.brightness_mean,
+            brightness_p99: pixels.brightness_p99,
+            dark_share: pixels.dark_share,
+            above_white_share: pixels.above_white_share,
+        }),
     })
 }

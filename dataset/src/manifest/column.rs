@@ -1,8 +1,8 @@
 //! What a column is, and what a row is worked out from.
 
 use crate::{
-    Digest, ErrorStatistics, SampledMaterial, Specification, ViewGeometry, sobol::DIMENSIONS,
-    specification::View,
+    Digest, ErrorStatistics, PixelStatistics, SampledMaterial, Specification, ViewGeometry,
+    sobol::DIMENSIONS, specification::View,
 };
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +16,22 @@ pub struct CompletedView {
     pub bytes: u64,
     /// The measured error and its cost.
     pub statistics: ErrorStatistics,
+    /// How bright it is; absent where an earlier version recorded the image. It can be worked out from
+    /// the pixels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels: Option<PixelStatistics>,
+}
+
+impl CompletedView {
+    /// Whether both say the same of one image, as far as both say it: earlier versions recorded no
+    /// brightness.
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        let brightness = self.pixels.zip(other.pixels);
+        self.digest == other.digest
+            && self.bytes == other.bytes
+            && self.statistics == other.statistics
+            && brightness.is_none_or(|(one, other)| one == other)
+    }
 }
 
 /// Where a store keeps an image, relative to the store: `blobs/` and the first two digits, then all
@@ -58,19 +74,25 @@ pub enum Value {
     Bool(bool),
     /// Of [`Kind::F64List`].
     F64List(Vec<f64>),
+    /// Nothing is known. Only in a column that may be absent ([`Column::optional`]): in a row that was
+    /// read from a manifest of an earlier version, or that is of an image which an earlier version
+    /// recorded. No manifest is written with it.
+    Missing,
 }
 
 impl Value {
-    /// The kind of column that the value fits.
-    pub fn kind(&self) -> Kind {
-        match self {
+    /// Whether the value can stand in a column.
+    pub fn fits(&self, column: &Column) -> bool {
+        let kind = match self {
             Self::Text(_) => Kind::Text,
             Self::U32(_) => Kind::U32,
             Self::U64(_) => Kind::U64,
             Self::F64(_) => Kind::F64,
             Self::Bool(_) => Kind::Bool,
             Self::F64List(list) => Kind::F64List(list.len()),
-        }
+            Self::Missing => return column.optional,
+        };
+        kind == column.kind
     }
 }
 
@@ -85,6 +107,8 @@ pub struct Column {
     pub unit: &'static str,
     /// One sentence.
     pub description: &'static str,
+    /// Whether a manifest may lack it: earlier versions wrote none.
+    pub optional: bool,
     pub(super) value: fn(&Image<'_>) -> Value,
 }
 

@@ -2,7 +2,7 @@
 
 use super::column::{Column, Image, Kind, Value, blob_path};
 use crate::{
-    RENDERER_VERSION,
+    PixelStatistics, RENDERER_VERSION, sin_cos_deg,
     specification::{Pixel, Tint},
 };
 
@@ -18,8 +18,28 @@ const fn column(
         kind,
         unit,
         description,
+        optional: false,
         value,
     }
+}
+
+/// A column that manifests of earlier versions lack.
+const fn later(column: Column) -> Column {
+    Column {
+        optional: true,
+        ..column
+    }
+}
+
+/// A column of what the pixels say, where it is known.
+fn of_pixels(image: &Image<'_>, number: fn(&PixelStatistics) -> f64) -> Value {
+    let pixels = image.done.pixels.as_ref();
+    pixels.map_or(Value::Missing, |pixels| Value::F64(number(pixels)))
+}
+
+/// Sine and cosine of twice the angle: equal at 0 and 180 degrees, as the materials are.
+fn twice_the_angle(image: &Image<'_>) -> (f64, f64) {
+    sin_cos_deg(2.0 * image.sampled.material.angle_deg)
 }
 
 fn text(value: impl ToString) -> Value {
@@ -35,7 +55,7 @@ fn bin(image: &Image<'_>, parameter: usize) -> Value {
 }
 
 /// Every column with the function that gives its value, in the manifest's order.
-pub(super) static COLUMNS: [Column; 49] = [
+pub(super) static COLUMNS: [Column; 58] = [
     column("dataset", Kind::Text, "", "The dataset's name.", |i| {
         text(&i.specification.name)
     }),
@@ -367,4 +387,68 @@ pub(super) static COLUMNS: [Column; 49] = [
         "Evaluations of the reflectance model, by the hybrid integrator.",
         |i| Value::U64(i.done.statistics.evaluations),
     ),
+    later(column(
+        "sample_share",
+        Kind::F64,
+        "1",
+        "Share of the film's pixels whose centre lies on the sample.",
+        |i| of_pixels(i, |pixels| pixels.sample_share),
+    )),
+    later(column(
+        "brightness_mean",
+        Kind::F64,
+        "white",
+        "Mean over the sample's pixels of the luminance (0.2126 R + 0.7152 G + 0.0722 B).",
+        |i| of_pixels(i, |pixels| pixels.brightness_mean),
+    )),
+    later(column(
+        "brightness_p99",
+        Kind::F64,
+        "white",
+        "99th percentile over the sample's pixels of the luminance, interpolated linearly.",
+        |i| of_pixels(i, |pixels| pixels.brightness_p99),
+    )),
+    later(column(
+        "dark_share",
+        Kind::F64,
+        "1",
+        "Share of the sample's pixels whose luminance is below 1/255.",
+        |i| of_pixels(i, |pixels| pixels.dark_share),
+    )),
+    later(column(
+        "above_white_share",
+        Kind::F64,
+        "1",
+        "Share of the sample's pixels whose luminance is above 1.",
+        |i| of_pixels(i, |pixels| pixels.above_white_share),
+    )),
+    later(column(
+        "angle_twice_sin",
+        Kind::F64,
+        "1",
+        "Sine of twice the anisotropy angle, which has no jump where the angle goes from 180 to 0.",
+        |i| Value::F64(twice_the_angle(i).0),
+    )),
+    later(column(
+        "angle_twice_cos",
+        Kind::F64,
+        "1",
+        "Cosine of twice the anisotropy angle.",
+        |i| Value::F64(twice_the_angle(i).1),
+    )),
+    later(column(
+        "rgb0_scaled",
+        Kind::F64List(3),
+        "1",
+        "rgb0_linear over the largest of the six channels where a common factor of both colours changes \
+         no image (tint hue, roughness up to 90); elsewhere rgb0_linear.",
+        |i| flat(&[i.sampled.material.scaled(i.specification.tint).rgb0]),
+    )),
+    later(column(
+        "rgb90_scaled",
+        Kind::F64List(3),
+        "1",
+        "rgb90_linear over the same number.",
+        |i| flat(&[i.sampled.material.scaled(i.specification.tint).rgb90]),
+    )),
 ];

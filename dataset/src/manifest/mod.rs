@@ -6,7 +6,9 @@
 mod column;
 mod columns;
 
-use crate::{Digest, ErrorStatistics, ParseDigestError, SampledMaterial, Specification};
+use crate::{
+    Digest, ErrorStatistics, ParseDigestError, PixelStatistics, SampledMaterial, Specification,
+};
 use column::Image;
 pub use column::{Column, CompletedView, Kind, Value, blob_path};
 use columns::COLUMNS;
@@ -68,7 +70,7 @@ impl Row {
             && COLUMNS
                 .iter()
                 .zip(&values)
-                .all(|(column, value)| column.kind == value.kind());
+                .all(|(column, value)| value.fits(column));
         fits.then_some(Self(values))
     }
 
@@ -126,15 +128,29 @@ impl Row {
                 _ => {}
             }
         }
+        let number = |name| match self.value(name) {
+            Some(Value::F64(number)) => Some(*number),
+            _ => None,
+        };
+        let pixels = || {
+            Some(PixelStatistics {
+                sample_share: number("sample_share")?,
+                brightness_mean: number("brightness_mean")?,
+                brightness_p99: number("brightness_p99")?,
+                dark_share: number("dark_share")?,
+                above_white_share: number("above_white_share")?,
+            })
+        };
         Ok(CompletedView {
             digest: digest.parse()?,
             bytes,
             statistics,
+            pixels: pixels(),
         })
     }
 
-    /// The first column whose value is not `other`'s, apart from where the image is kept. Numbers
-    /// are compared bit by bit.
+    /// The first column whose value is not `other`'s, apart from where the image is kept and from what
+    /// one of them lacks. Numbers are compared bit by bit.
     pub fn first_difference(&self, other: &Self) -> Option<&'static Column> {
         let mut columns = COLUMNS.iter().zip(self.0.iter().zip(&other.0));
         let different = columns
@@ -155,6 +171,7 @@ fn same_bits(a: &Value, b: &Value) -> bool {
             let (a, b): (Vec<u64>, Vec<u64>) = (bits(a), bits(b));
             a == b
         }
+        (Value::Missing, _) | (_, Value::Missing) => true,
         (a, b) => a == b,
     }
 }
@@ -168,6 +185,7 @@ impl fmt::Display for Value {
             Self::F64(number) => write!(formatter, "{number:?}"),
             Self::Bool(truth) => write!(formatter, "{truth}"),
             Self::F64List(list) => write!(formatter, "{list:?}"),
+            Self::Missing => Ok(()),
         }
     }
 }
@@ -201,6 +219,13 @@ mod tests {
                 samples: (1 << 63) + 1,
                 evaluations: 7,
             },
+            pixels: Some(PixelStatistics {
+                sample_share: 0.25,
+                brightness_mean: 0.1 / 3.0,
+                brightness_p99: 2.0 / 3.0,
+                dark_share: 1.0 - f64::EPSILON,
+                above_white_share: f64::MIN_POSITIVE,
+            }),
         }
     }
 
@@ -217,7 +242,7 @@ mod tests {
             let values = row.values();
             assert_eq!(values.len(), columns().len());
             for (column, value) in columns().iter().zip(values) {
-                assert_eq!(value.kind(), column.kind, "{}", column.name);
+                assert!(value.fits(column), "{}", column.name);
             }
         }
     }
@@ -248,11 +273,28 @@ mod tests {
                     list[0] = list[0].next_up();
                     Value::F64List(list)
                 }
+                Value::Missing => unreachable!("it was just made"),
             };
             let edited = Row::from_values(values).unwrap();
             let found = edited.first_difference(&made).map(|column| column.name);
             assert_eq!(found, Some(column.name));
         }
+    }
+
+    #[test]
+    fn what_earlier_versions_did_not_write_is_no_difference() {
+        let made = row(5, 3);
+        let mut values = made.values().to_vec();
+        for (value, column) in values.iter_mut().zip(columns()) {
+            if column.optional {
+                *value = Value::Missing;
+            }
+        }
+        let earlier = Row::from_values(values.clone()).unwrap();
+        assert!(earlier.first_difference(&made).is_none());
+        assert_eq!(earlier.completed_view().unwrap().pixels, None);
+        values[0] = Value::Missing;
+        assert_eq!(Row::from_values(values), None);
     }
 
     #[test]
@@ -301,6 +343,7 @@ mod tests {
                             assert_bits(&field[place], *number);
                         }
                     }
+                    Value::Missing => panic!("{}", column.name),
                 }
             }
         }

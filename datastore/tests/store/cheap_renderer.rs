@@ -1,17 +1,21 @@
 //! A renderer of cheap images: what `verify` and `repair` borrow.
 
 use crate::complete_store::completion;
-use dataset::Specification;
+use dataset::{PixelStatistics, Specification};
 use datastore::verify::{Checks, Rerender, Rerendered};
+use imagestore::validation::decode;
 
 pub struct CheapRenderer(pub Specification);
 
 impl Rerender for CheapRenderer {
     fn render(&self, material: u32, view: u32) -> Result<Rerendered, String> {
         let (completion, mut images) = completion(&self.0, material);
+        let bytes = images.swap_remove(view as usize);
+        let pixels = decode(&bytes, &self.0).unwrap().pixels;
         Ok(Rerendered {
-            bytes: images.swap_remove(view as usize),
+            bytes,
             statistics: completion.views[view as usize].statistics,
+            pixels: PixelStatistics::of(&self.0, view, &pixels).unwrap(),
         })
     }
 

@@ -6,13 +6,14 @@ use crate::{
     cheap_renderer::{CheapRenderer, checks},
     complete_store::completion,
 };
-use dataset::{Digest, Specification};
+use dataset::{Digest, PixelStatistics, Specification};
 use datastore::{
     ReadOnlyStore, Store, WritableStore,
     garbage::{remove_unnamed, unnamed},
     repair::{Outcome, Repair, repair},
     verify::{Checks, FaultKind, Report, verify},
 };
+use imagestore::validation::decode;
 use jobqueue::Completion;
 use std::{
     collections::BTreeMap,
@@ -246,6 +247,8 @@ fn an_image_that_renders_to_another_is_replaced_and_its_worker_named() {
     let image = image_of(&renderer.0, 1, 2, 7.0);
     lie.views[2].digest = Digest::of(&image);
     lie.views[2].bytes = image.len() as u64;
+    let pixels = decode(&image, &renderer.0).unwrap().pixels;
+    lie.views[2].pixels = PixelStatistics::of(&renderer.0, 2, &pixels);
     lie.worker = "eve/node".to_owned();
     record(path, &lie, vec![image], true);
     assert_eq!(look(path, &checks(MATERIALS, None)).faults, []);
@@ -260,6 +263,31 @@ fn an_image_that_renders_to_another_is_replaced_and_its_worker_named() {
     let reader = ReadOnlyStore::open(path).unwrap();
     let mended = reader.completion(1).unwrap().unwrap();
     assert_eq!(mended.views, completion(&renderer.0, 1).0.views);
+}
+
+/// A lie about an image's brightness is seen in its pixels; nothing is rendered to find it.
+#[test]
+fn a_wrong_brightness_is_found_without_a_renderer_and_mended() {
+    let (folder, renderer) = whole_store();
+    let path = folder.path();
+    let truth = completion(&renderer.0, 1).0;
+    let mut lie = truth.clone();
+    let brightness = &mut lie.views[2].pixels.as_mut().unwrap().brightness_mean;
+    *brightness = brightness.next_up();
+    record(path, &lie, vec![], true);
+    let faults = look(path, &checks(MATERIALS, None)).faults;
+    let found: Vec<_> = faults
+        .iter()
+        .map(|fault| (fault.material, fault.view, fault.kind))
+        .collect();
+    assert_eq!(found, [(1, Some(2), FaultKind::Statistics)]);
+
+    let repairs = mend(path, &renderer, &checks(MATERIALS, None));
+    assert_eq!(repairs.len(), 1);
+    assert_eq!(repairs[0].outcome, Outcome::Corrected);
+    let reader = ReadOnlyStore::open(path).unwrap();
+    let mended = reader.completion(1).unwrap().unwrap();
+    assert_eq!(mended.views, truth.views);
 }
 
 /// A renderer whose images are none of this dataset replaces nothing.

@@ -5,11 +5,13 @@ use crate::layout::unit::Layout;
 use dataset::{
     RENDERER_VERSION,
     manifest::{Column, Kind, columns},
+    specification::Pixel,
 };
 use serde_json::{Map, Value, json};
 
-/// The record set of images, and the file that it is read from.
+/// The record sets of labels and of pixels, and the file that the labels are read from.
 const RECORDS: &str = "images";
+const PIXELS: &str = "pixels";
 const MANIFEST: &str = "manifest.parquet";
 
 /// The whole document.
@@ -35,7 +37,7 @@ pub(super) fn metadata(described: &Described<'_>, manifest: &FileDigest) -> Valu
             "description": "One record an image.",
             "key": [{"@id": "images/material"}, {"@id": "images/view"}],
             "field": columns().iter().map(field).collect::<Vec<Value>>(),
-        }],
+        }, pixels(described)],
     });
     if let Value::Object(document) = &mut document {
         let mut add = |key: &str, value: &Option<String>| {
@@ -83,6 +85,51 @@ fn distribution(described: &Described<'_>, manifest: &FileDigest) -> Vec<Value> 
             "includes": pattern,
         }),
     ]
+}
+
+/// What the pixels are: a record an image file, or a row of a shard that holds one.
+fn pixels(described: &Described<'_>) -> Value {
+    let image = &described.store.specification().image;
+    let (kind, bits) = match image.pixel {
+        Pixel::Half => ("cr:Float16", 16),
+        Pixel::Float => ("cr:Float32", 32),
+    };
+    let (extract, what) = match described.layout {
+        Layout::Files { .. } => (
+            json!({"fileProperty": "content"}),
+            "`path` of the manifest names it",
+        ),
+        Layout::WebDataset => (
+            json!({"fileProperty": "content"}),
+            "a shard's members end in .exr; `path` of the manifest names shard and member",
+        ),
+        Layout::HuggingFace => (json!({"column": "exr"}), "the column `exr` holds the file"),
+    };
+    json!({
+        "@type": "cr:RecordSet",
+        "@id": PIXELS,
+        "name": PIXELS,
+        "description": format!(
+            "The images: OpenEXR with channels R, G and B of {bits}-bit floats; {what}."
+        ),
+        "field": [{
+            "@type": "cr:Field",
+            "@id": format!("{PIXELS}/exr"),
+            "name": "exr",
+            "description": format!(
+                "An OpenEXR file. Decoded: height x width x 3 {kind}, linear Rec.709 in units of white \
+                 (the radiance of a perfect white diffuser that faces the bulb), row 0 the top of the \
+                 film."
+            ),
+            "dataType": ["sc:ImageObject", kind],
+            "isArray": true,
+            "arrayShape": format!("{},{},3", image.height, image.width),
+            "source": {
+                "fileSet": {"@id": "image-files"},
+                "extract": extract,
+            },
+        }],
+    })
 }
 
 fn field(column: &Column) -> Value {

@@ -3,6 +3,7 @@
 
 mod croissant;
 mod licence;
+mod pixels;
 mod plots;
 mod readme;
 
@@ -16,6 +17,7 @@ use crate::{
     selection::Chosen,
 };
 use datastore::ReadOnlyStore;
+use pixels::Pixels;
 use std::{fs::File, io::Read, path::Path};
 
 /// What only the publisher knows.
@@ -50,6 +52,8 @@ pub(crate) struct Described<'a> {
     pub layout: Layout,
     pub shards: &'a [Unit],
     pub publication: &'a Publication,
+    /// The share of all pixels that are within the specification's accuracy, 0 to 1.
+    pub within_target: f64,
 }
 
 /// Writes card, plots and metadata into the export's folder. `manifest` is its manifest, whole but
@@ -61,7 +65,7 @@ pub(crate) fn write(
 ) -> Result<(), ExportError> {
     let plot = plots::parameters(described)?;
     write_bytes(&folder.join("parameters.svg"), plot.as_bytes())?;
-    let readme = readme::text(described);
+    let readme = readme::text(described, &Pixels::of(described)?);
     write_bytes(&folder.join("README.md"), readme.as_bytes())?;
     let manifest = FileDigest::of(manifest)?;
     let metadata = croissant::metadata(described, &manifest);

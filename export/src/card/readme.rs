@@ -1,16 +1,20 @@
 //! The dataset card: a README in Markdown with the front matter that Hugging Face reads.
 
-use super::{CITATION, Described, summary};
+use super::{
+    CITATION, Described,
+    pixels::{PERCENT, Pixels},
+    summary,
+};
 use crate::layout::unit::{Layout, column_name};
 use dataset::{RENDERER_VERSION, Split, specification::Pixel};
 use std::fmt::Write;
 
 /// The whole card.
-pub(super) fn text(described: &Described<'_>) -> String {
+pub(super) fn text(described: &Described<'_>, pixels: &Pixels) -> String {
     let mut text = String::new();
     // Writing to a string cannot fail.
     let _ = write_front_matter(described, &mut text);
-    let _ = write_body(described, &mut text);
+    let _ = write_body(described, pixels, &mut text);
     text
 }
 
@@ -35,7 +39,7 @@ fn write_front_matter(described: &Described<'_>, text: &mut String) -> std::fmt:
     writeln!(text, "---\n")
 }
 
-fn write_body(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
+fn write_body(described: &Described<'_>, pixels: &Pixels, text: &mut String) -> std::fmt::Result {
     let specification = described.store.specification();
     let publication = described.publication;
     writeln!(text, "# {}\n", specification.name)?;
@@ -61,6 +65,7 @@ fn write_body(described: &Described<'_>, text: &mut String) -> std::fmt::Result 
     write_counts(described, text)?;
     write_layout(described, text)?;
     write_pixels(described, text)?;
+    write_channels(pixels, text)?;
     write_geometry(described, text)?;
     write_labels(described, text)?;
     write_limits(described, text)?;
@@ -176,10 +181,52 @@ fn write_pixels(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
          mirror. Film pixels are means over their squares (a box filter).\n\nThe manifest has the \
          error of each image as it was estimated while rendering: mean, 95th percentile, maximum, \
          and the share of pixels (`within_target`) off by no more than {:e} or {:e} of their \
-         value.\n",
+         value. Over all these images {:.4} percent of the pixels are within it.\n\nRows run from the \
+         top of the film. On the sample u runs to the right and v upwards; row 0 of a rectified image \
+         is at v = 1.\n",
         brightest * brightest,
         specification.accuracy.absolute,
-        specification.accuracy.relative
+        specification.accuracy.relative,
+        100.0 * described.within_target
+    )
+}
+
+/// What a network's inputs are normalised by.
+fn write_channels(pixels: &Pixels, text: &mut String) -> std::fmt::Result {
+    let Pixels {
+        images, images_all, ..
+    } = pixels;
+    let which = if images == images_all {
+        "all images".to_owned()
+    } else {
+        format!("{images} of the {images_all} images, of materials at equal distances")
+    };
+    writeln!(
+        text,
+        "The pixels of the sample in {which}, in units of white:\n\n| channel | mean | standard \
+         deviation | {} | largest | mean of log1p | its standard deviation |\n|{}",
+        PERCENT.map(|percent| format!("{percent} %")).join(" | "),
+        " ---: |".repeat(5 + PERCENT.len())
+    )?;
+    for (name, channel) in ["R", "G", "B"].iter().zip(&pixels.channels) {
+        let percentiles = channel.percentiles.map(|value| format!("{value:.6e}"));
+        writeln!(
+            text,
+            "| {name} | {:.6e} | {:.6e} | {} | {:.6e} | {:.6e} | {:.6e} |",
+            channel.mean,
+            channel.deviation,
+            percentiles.join(" | "),
+            channel.max,
+            channel.log1p_mean,
+            channel.log1p_deviation
+        )?;
+    }
+    writeln!(
+        text,
+        "\nA few pixels, of highlights, are hundreds of times brighter than the median. Give networks \
+         log1p(value), normalised by the last two columns, rather than the values themselves. \
+         `brightness_mean`, `brightness_p99`, `dark_share` and `above_white_share` in the manifest find \
+         images that show little.\n"
     )
 }
 
@@ -237,7 +284,10 @@ fn write_labels(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
         text,
         "Materials are points of an Owen-scrambled Sobol sequence, evenly spread over the box. \
          Colours are labelled in linear Rec.709, sRGB and CIELAB (D65); `bin_*` are the classes, \
-         100 to a parameter, that the paper's networks are trained on.\n\n![Histograms of the ten \
+         100 to a parameter, that the paper's networks are trained on. `angle_twice_sin` and \
+         `angle_twice_cos` are the angle without its jump from 180 to 0 degrees. `rgb0_scaled` and \
+         `rgb90_scaled` are the colours without the factor that no image shows (see the limits \
+         below).\n\n![Histograms of the ten \
          parameters](parameters.svg)\n"
     )
 }
@@ -249,7 +299,8 @@ fn write_limits(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
         "## Known limits\n\n- Smooth materials are black outside the reflections of bulb and \
          chart. That is the set-up, not a fault.\n- At anisotropy 0 the angle means nothing; near \
          it, little.\n- Up to a roughness of 90 and with the tint `hue`, a common factor of both \
-         reflectance colours changes no image: it cannot be estimated. (This set's tint is `{}`.)\n\
+         reflectance colours changes no image: it cannot be estimated. Learn `rgb0_scaled` and \
+         `rgb90_scaled` there. (This set's tint is `{}`.)\n\
          - Other parameters cannot be estimated in some materials and views either. `brdfarm \
          dataset observability` (feature `training`) says which, with Cramer-Rao bounds.\n\
          - The paper gives no distances, turns, resolution or place of the chart: they are ours, \

@@ -1,9 +1,9 @@
 //! Materials on their way into a store: checked together, made durable together.
 
 use super::{ImportError, Imported, Wanted};
-use dataset::{Digest, Specification};
+use dataset::{Digest, PixelStatistics, Specification};
 use datastore::WritableStore;
-use imagestore::validation::{check_digest, check_identity, expected_headers, inspect};
+use imagestore::validation::{check_digest, check_identity, decode, expected_headers};
 use jobqueue::Completion;
 use std::{
     sync::{Mutex, PoisonError},
@@ -37,7 +37,7 @@ impl Batch {
         self.materials.push((material, images));
     }
 
-    /// Checks all images and makes them durable; leaves the batch empty. What somebody else
+    /// Checks all images, notes their brightness, and makes them durable; leaves the batch empty. What somebody else
     /// completed meanwhile counts as having been there.
     pub fn store(
         &mut self,
@@ -78,15 +78,15 @@ impl Batch {
         Ok(imported)
     }
 
-    fn check(&self, specification: &Specification, threads: usize) -> Result<(), ImportError> {
+    fn check(&mut self, specification: &Specification, threads: usize) -> Result<(), ImportError> {
         let share = self.materials.len().div_ceil(threads.max(1)).max(1);
         let failure: Mutex<Option<ImportError>> = Mutex::new(None);
         thread::scope(|scope| {
-            for part in self.materials.chunks(share) {
+            for part in self.materials.chunks_mut(share) {
                 let failure = &failure;
                 scope.spawn(move || {
                     let checked = part
-                        .iter()
+                        .iter_mut()
                         .try_for_each(|(material, images)| check(specification, *material, images));
                     if let Err(error) = checked {
                         let mut failure = failure.lock().unwrap_or_else(PoisonError::into_inner);
@@ -103,10 +103,10 @@ impl Batch {
 fn check(
     specification: &Specification,
     material: u32,
-    images: &[Image],
+    images: &mut [Image],
 ) -> Result<(), ImportError> {
     let expected = expected_headers(specification, specification.hash(), material);
-    for ((wanted, file), header) in images.iter().zip(&expected) {
+    for ((wanted, file), header) in images.iter_mut().zip(&expected) {
         let wrong = |what: String| ImportError::Image {
             path: wanted.path.clone(),
             material,
@@ -116,10 +116,18 @@ fn check(
         if file.len() as u64 != wanted.done.bytes {
             return Err(wrong(format!("it has not {} bytes", wanted.done.bytes)));
         }
-        check_digest(file, wanted.done.digest)
-            .and_then(|()| inspect(file, specification))
-            .and_then(|found| check_identity(&found, header))
+        let decoded = check_digest(file, wanted.done.digest)
+            .and_then(|()| decode(file, specification))
+            .and_then(|found| check_identity(&found.header, header).map(|()| found))
             .map_err(|rejection| wrong(rejection.to_string()))?;
+        let found = PixelStatistics::of(specification, header.view, &decoded.pixels);
+        if let (Some(told), Some(found)) = (wanted.done.pixels, found)
+            && told != found
+        {
+            let what = format!("its brightness is {found}; its row says {told}");
+            return Err(wrong(what));
+        }
+        wanted.done.pixels = found;
     }
     Ok(())
 }

@@ -35,6 +35,7 @@ use dataset::CompletedView;
 use datastore::ReadOnlyStore;
 use plan::Plan;
 use std::{
+    cell::Cell,
     env,
     fs::{self, File},
     path::Path,
@@ -261,12 +262,14 @@ impl Work<'_> {
         // Written beside first: its digest is part of what describes the export.
         let whole = folder.join("manifest.parquet.whole");
         let unit_of = plan.units_by_material();
+        let within_target = Cell::new(0.0);
         let exported = export_chosen(
             self.store,
             &self.chosen,
             Format::Parquet,
             &whole,
             |material, image| {
+                within_target.set(within_target.get() + image.done.statistics.within_target);
                 let path = unit_of.get(&material).copied().unwrap_or_default();
                 image
                     .row
@@ -280,6 +283,7 @@ impl Work<'_> {
             layout: self.layout,
             shards: &plan.units,
             publication: &options.publication,
+            within_target: within_target.get() / (exported.rows.max(1) as f64),
         };
         card::write(&described, folder, &whole)?;
         fs::rename(&whole, &manifest).map_err(unable("rename to", &manifest))?;

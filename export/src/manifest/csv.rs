@@ -32,6 +32,7 @@ impl<W: Write> Manifest for Csv<W> {
                 Value::F64(number) => self.fields.push(shortest(*number)),
                 Value::Bool(truth) => self.fields.push(truth.to_string()),
                 Value::F64List(list) => self.fields.extend(list.iter().copied().map(shortest)),
+                Value::Missing => unreachable!("what is written has every value"),
             }
         }
         let written = self.writer.write_record(&self.fields);

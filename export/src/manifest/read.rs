@@ -173,14 +173,23 @@ fn row_of_json(line: &[u8]) -> Result<Row, String> {
     let values = columns()
         .iter()
         .map(|column| {
-            let field = object
-                .get(column.name)
-                .ok_or_else(|| format!("{} is missing", column.name))?;
+            let Some(field) = object.get(column.name) else {
+                return missing(column);
+            };
             value_of_json(column, field)
                 .ok_or_else(|| format!("{} is {field}, which is no {:?}", column.name, column.kind))
         })
         .collect::<Result<Vec<Value>, String>>()?;
     Row::from_values(values).ok_or_else(|| "it has values of other types".to_owned())
+}
+
+/// The value of a column that a manifest lacks: nothing where earlier versions wrote none.
+fn missing(column: &Column) -> Result<Value, String> {
+    if column.optional {
+        Ok(Value::Missing)
+    } else {
+        Err(format!("{} is missing", column.name))
+    }
 }
 
 fn value_of_json(column: &Column, field: &serde_json::Value) -> Option<Value> {
@@ -218,10 +227,17 @@ fn read_csv<E: From<ReadError>>(
     let mut reader = csv::Reader::from_path(path).map_err(damaged)?;
     let expected = super::csv::names();
     let names = reader.headers().map_err(damaged)?;
+    // Manifests of earlier versions end sooner, where the optional columns begin.
+    let ends_sooner = names.len() == required_fields();
+    let expected = expected.iter().take(if ends_sooner {
+        names.len()
+    } else {
+        expected.len()
+    });
     if let Some((found, name)) = names
         .iter()
         .chain(std::iter::repeat(""))
-        .zip(&expected)
+        .zip(expected)
         .find(|(found, name)| found != name)
     {
         let reason = format!("a column is called {found:?} where {name} is expected");
@@ -232,17 +248,31 @@ fn read_csv<E: From<ReadError>>(
         if !reader.read_record(&mut record).map_err(damaged)? {
             break;
         }
-        let row = row_of_record(&record).map_err(|reason| bad_row(path, number, reason))?;
+        let row =
+            row_of_record(&record, ends_sooner).map_err(|reason| bad_row(path, number, reason))?;
         take(number, row)?;
     }
     Ok(())
 }
 
-fn row_of_record(record: &csv::StringRecord) -> Result<Row, String> {
+/// How many fields a row has without the optional columns, which are the last.
+fn required_fields() -> usize {
+    let required = columns().iter().filter(|column| !column.optional);
+    let fields = required.map(|column| match column.kind {
+        Kind::F64List(length) => length,
+        _ => 1,
+    });
+    fields.sum()
+}
+
+fn row_of_record(record: &csv::StringRecord, ends_sooner: bool) -> Result<Row, String> {
     let mut fields = record.iter();
     let values = columns()
         .iter()
         .map(|column| {
+            if ends_sooner && column.optional {
+                return Ok(Value::Missing);
+            }
             let mut next = || fields.next().unwrap_or_default();
             let field = next();
             let wrong = || {
@@ -327,9 +357,9 @@ fn row_of_batch(batch: &RecordBatch, place: usize) -> Result<Row, String> {
     let values = columns()
         .iter()
         .map(|column| {
-            let array = batch
-                .column_by_name(column.name)
-                .ok_or_else(|| format!("{} is missing", column.name))?;
+            let Some(array) = batch.column_by_name(column.name) else {
+                return missing(column);
+            };
             value_of_array(column, array.as_ref(), place)
                 .ok_or_else(|| format!("{} is no {:?}", column.name, column.kind))
         })

@@ -7,6 +7,7 @@
 mod cheap_image;
 #[path = "../../../datastore/tests/store/complete_store.rs"]
 mod complete_store;
+mod earlier;
 mod layouts;
 mod manifest;
 mod rectify;

@@ -188,6 +188,7 @@ pub(super) fn fingerprint(material: u32) -> Fingerprint {
             samples: 0,
             evaluations: 0,
         },
+        pixels: None,
     }])
 }
 

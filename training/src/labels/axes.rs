@@ -1,10 +1,10 @@
 //! The ten parameters as labels: each is one number in a range, and a position in bins.
 
 use super::{BINS, PARAMETERS};
-use dataset::Material;
 use dataset::colour::{
     BIN_RANGES, bin, lab_from_linear, linear_from_lab, linear_from_srgb, srgb_from_linear,
 };
+use dataset::{HUE_ALONE_TO_PERCENT, Material};
 use serde::{Deserialize, Serialize};
 
 /// The index of psi, which alone has a period: a half turn of the sample's axes changes nothing.
@@ -12,7 +12,7 @@ pub const PSI: usize = 2;
 
 /// Roughness in percent above which the diffuse part is mixed in and the colours' scale shows. Below
 /// it only their hue does: (rgb0, rgb90) and half of both give the same image to the bit.
-pub const SCALE_SHOWS_PERCENT: f64 = 90.0;
+pub const SCALE_SHOWS_PERCENT: f64 = HUE_ALONE_TO_PERCENT;
 
 /// How the two colours are written in labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

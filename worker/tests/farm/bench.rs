@@ -2,9 +2,10 @@
 
 use crate::cheap_image::{cheap_image, small_specification};
 use coordinator::{Coordinator, Options, RunningCoordinator};
-use dataset::{Digest, ErrorStatistics, SampledMaterial, Specification};
+use dataset::{Digest, ErrorStatistics, PixelStatistics, SampledMaterial, Specification};
 use datastore::verify::{Checks, verify};
 use datastore::{ReadOnlyStore, Store};
+use imagestore::validation::decode;
 use jobqueue::Policy;
 use proto::{
     ControlClient, FarmClient,
@@ -63,10 +64,18 @@ impl<B: Behaviour> Render for CheapRenderer<B> {
     fn render(&self, material: &SampledMaterial, view: u32) -> Result<RenderedView, RenderFailure> {
         (self.behaviour)(material.index, view)?;
         self.rendered.fetch_add(1, Ordering::Relaxed);
-        Ok(RenderedView {
-            exr: cheap_image(&self.specification, material.index, view),
-            statistics: statistics(),
-        })
+        let exr = cheap_image(&self.specification, material.index, view);
+        Ok(rendered(&self.specification, view, exr))
+    }
+}
+
+/// What a worker has of an image that it rendered.
+pub fn rendered(specification: &Specification, view: u32, exr: Vec<u8>) -> RenderedView {
+    let pixels = decode(&exr, specification).unwrap().pixels;
+    RenderedView {
+        exr,
+        statistics: statistics(),
+        pixels: PixelStatistics::of(specification, view, &pixels).unwrap(),
     }
 }
 

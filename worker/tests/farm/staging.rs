@@ -1,6 +1,6 @@
 //! Room for images on their way: who has it, and how long.
 
-use crate::bench::{Bench, Puppet, SHORT_LEASE, statistics};
+use crate::bench::{Bench, Puppet, SHORT_LEASE, rendered};
 use crate::cheap_image::noisy_image;
 use dataset::{Digest, SampledMaterial, Specification};
 use imagestore::validation::{expected_headers, image_bytes_max};
@@ -18,10 +18,8 @@ struct Noisy(Specification);
 
 impl Render for Noisy {
     fn render(&self, material: &SampledMaterial, view: u32) -> Result<RenderedView, RenderFailure> {
-        Ok(RenderedView {
-            exr: noisy_image(&self.0, material.index, view),
-            statistics: statistics(),
-        })
+        let exr = noisy_image(&self.0, material.index, view);
+        Ok(rendered(&self.0, view, exr))
     }
 }
 
