@@ -53,7 +53,7 @@ check_prepared() {
       wrong "compose, prepared by user $maker" "everybody reads ${file#"$folder/"}"
     fi
     # Only a container of whoever made it could, and none mounts these.
-    if [[ "$file" == */keys/@(operator|reader)/* && "$maker" == 0 ]] && reads "${user%%:*}" "$file"; then
+    if [[ "$file" == */keys/@(authority|operator|reader)/* && "$maker" == 0 ]] && reads "${user%%:*}" "$file"; then
       wrong "compose, prepared by user $maker" "the containers' user reads ${file#"$folder/"}"
     fi
   done < <(find "$folder" -type f ! -name '*.sh' ! -name compose.yaml ! -name dataset.toml)

@@ -9,6 +9,7 @@
 mod cheap_image;
 
 mod admission;
+mod credentials;
 #[allow(clippy::print_stdout, reason = "the long runs tell their figures")]
 mod floods;
 #[allow(dead_code, reason = "other tests use the rest")]
