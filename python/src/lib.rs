@@ -6,6 +6,7 @@
 //! fork.
 
 mod decoding;
+mod derivatives;
 mod error;
 mod interruptible;
 mod reflectance;
@@ -31,6 +32,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(reflectance::sample, module)?)?;
     module.add_function(wrap_pyfunction!(reflectance::pdf, module)?)?;
     module.add_function(wrap_pyfunction!(rendering::render, module)?)?;
+    module.add_function(wrap_pyfunction!(derivatives::derivatives, module)?)?;
     module.add_function(wrap_pyfunction!(decoding::decode, module)?)?;
     module.add_function(wrap_pyfunction!(decoding::rectify, module)?)?;
     Ok(())

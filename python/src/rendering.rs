@@ -124,7 +124,7 @@ pub fn render(
 }
 
 /// Threads for one call: they end with it, so that no thread is missing in a process that forked.
-fn pool(threads: usize) -> Option<rayon::ThreadPool> {
+pub(crate) fn pool(threads: usize) -> Option<rayon::ThreadPool> {
     let cores = || thread::available_parallelism().map_or(1, usize::from);
     let threads = match threads {
         0 => cores(),

@@ -13,6 +13,7 @@ normal is +z.
 """
 
 from brdfarm._dataset import LABELS, Dataset, Image
+from brdfarm._derivatives import PARAMETERS, Derivatives, derivatives
 from brdfarm._material import Material, Sample
 from brdfarm._native import RENDERER_VERSION, StoreError
 from brdfarm._rendering import Rendering, render
@@ -21,8 +22,10 @@ from brdfarm._specification import Specification
 
 __all__ = [
     "LABELS",
+    "PARAMETERS",
     "RENDERER_VERSION",
     "Dataset",
+    "Derivatives",
     "Image",
     "Material",
     "Progress",
@@ -30,6 +33,7 @@ __all__ = [
     "Sample",
     "Specification",
     "StoreError",
+    "derivatives",
     "render",
     "run",
 ]

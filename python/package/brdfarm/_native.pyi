@@ -3,11 +3,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 RENDERER_VERSION: str
+"""The version of the renderer. Another version may render other bytes."""
 
 _Colour = tuple[float, float, float]
 _Parameters = tuple[float, float, float, float, _Colour, _Colour]
 
-class StoreError(Exception): ...
+class StoreError(Exception):
+    """A store, a manifest or an image in it cannot be used; the message says why."""
 
 class Specification:
     @staticmethod
@@ -59,6 +61,13 @@ def render(
     backend: str,
     threads: int,
 ) -> Rendering: ...
+def derivatives(
+    specification: Specification,
+    parameters: _Parameters,
+    view: int,
+    backend: str,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
 def decode(file: bytes, digest: str | None = None) -> NDArray[np.float32]: ...
 def rectify(
     specification: Specification, view: int, side: int, pixels: NDArray[np.float32]

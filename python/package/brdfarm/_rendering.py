@@ -64,6 +64,16 @@ class Rendering:
         )
 
 
+def check_call(specification: Specification, view: int, threads: int) -> None:
+    """Raises `ValueError` where there is no such view, or fewer than no threads."""
+    if not 0 <= view < len(specification.views):
+        raise ValueError(
+            f"there is no view {view}: the specification has {len(specification.views)}, counted from 0"
+        )
+    if threads < 0:
+        raise ValueError(f"threads is {threads}: it is 0 for all cores, or how many")
+
+
 def render(
     specification: Specification,
     material: Material,
@@ -84,12 +94,7 @@ def render(
     accuracy = {name: value for name, value in accuracy.items() if value is not None}
     if accuracy:
         specification = specification.replace(accuracy=accuracy)
-    if not 0 <= view < len(specification.views):
-        raise ValueError(
-            f"there is no view {view}: the specification has {len(specification.views)}, counted from 0"
-        )
-    if threads < 0:
-        raise ValueError(f"threads is {threads}: it is 0 for all cores, or how many")
+    check_call(specification, view, threads)
     _embree.find()
     native = _native.render(
         specification._inner, material._parameters, material.index, view, backend, threads
