@@ -21,6 +21,7 @@ mod picture;
 mod plan;
 mod plural;
 mod progress;
+mod reference;
 mod render;
 mod report;
 mod run;
@@ -96,6 +97,7 @@ enum Command {
     #[cfg(feature = "training")]
     Estimate(Box<estimate::Options>),
     Completions(completions::Options),
+    Reference(reference::Options),
 }
 
 fn main() -> ExitCode {
@@ -123,6 +125,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "training")]
         Command::Estimate(options) => estimate::execute(&options),
         Command::Completions(options) => completions::execute(&options),
+        Command::Reference(options) => reference::execute(&options),
     });
     failure::exit_code(outcome)
 }

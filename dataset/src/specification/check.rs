@@ -1,6 +1,12 @@
 //! Which values a specification may have, each by itself and together.
 
-use super::{Checker, Light, Pixel, Specification, canonical::number_text, error::quoted, limits};
+use super::{
+    Checker, Light, Pixel, Specification,
+    canonical::number_text,
+    error::quoted,
+    keys::{Key, Rule, float_rule, keys, name_rule, power_of_two_rule, range_rule},
+    limits,
+};
 use crate::view::{camera_position, light_position, sin_cos_deg};
 use std::{fmt::Display, ops::RangeInclusive};
 
@@ -42,127 +48,83 @@ pub(super) fn check(specification: &Specification) -> Result<(), Fault> {
     check_scene(specification)
 }
 
-fn float(key: &str, value: f64, range: RangeInclusive<f64>) -> Result<(), Fault> {
+/// The rules for values together, in the order in which they are checked: a sentence each.
+pub fn rules_together() -> [String; 7] {
+    let half_max = limits::HALF_RADIANCE_MAX;
+    let half_rule = format!(
+        "With `image.pixel = \"half\"` the bulb's own radiance, `(light.distance_m / \
+         light.radius_m)^2` times white, is at most {half_max}."
+    );
+    [
+        "The lower end of each range in `[parameters]` is not above its upper end.".to_owned(),
+        "`checker.patches_srgb8` has `checker.columns * checker.rows` colours.".to_owned(),
+        half_rule,
+        "In every view the bulb is clear of the plane of the sample.".to_owned(),
+        "In no view is the camera inside the bulb.".to_owned(),
+        "With the colour chart in a view, `checker.lower_edge_y_m` is at least half of \
+         `sample.side_m`, so the chart does not cut the sample."
+            .to_owned(),
+        "With the colour chart in a view, the whole bulb is in front of the plane of the chart, so \
+         the chart does not shade the sample."
+            .to_owned(),
+    ]
+}
+
+fn float(key: &str, value: f64, range: &RangeInclusive<f64>) -> Result<(), Fault> {
     // Neither infinities nor NaN are contained.
     if range.contains(&value) {
         return Ok(());
     }
-    let (low, high) = (number_text(*range.start()), number_text(*range.end()));
-    Err(Fault::of_value(key, value, format!("{low} to {high}")))
+    Err(Fault::of_value(key, value, float_rule(range)))
 }
 
-fn integer<T: PartialOrd + Display>(
-    key: &str,
-    value: T,
-    range: RangeInclusive<T>,
-) -> Result<(), Fault> {
+fn integer(key: &str, value: u64, range: &RangeInclusive<u64>) -> Result<(), Fault> {
     if range.contains(&value) {
         return Ok(());
     }
-    let rule = format!("{} to {}", range.start(), range.end());
-    Err(Fault::of_value(key, value, rule))
+    Err(Fault::of_value(key, value, range_rule(range)))
 }
 
-fn check_values(specification: &Specification) -> Result<(), Fault> {
-    check_name(&specification.name)?;
-    integer("seed", specification.seed, limits::SEED)?;
-    integer("materials", specification.materials, limits::MATERIALS)?;
-
-    let image = &specification.image;
-    integer("image.width", image.width, limits::IMAGE_SIDE_PIXELS)?;
-    integer("image.height", image.height, limits::IMAGE_SIDE_PIXELS)?;
-
-    let accuracy = &specification.accuracy;
-    float(
-        "accuracy.absolute",
-        accuracy.absolute,
-        limits::ACCURACY_ABSOLUTE,
-    )?;
-    float(
-        "accuracy.relative",
-        accuracy.relative,
-        limits::ACCURACY_RELATIVE,
-    )?;
-
-    let integrator = &specification.integrator;
-    let samples = integrator.samples_per_pixel;
-    if !samples.is_power_of_two() || !limits::SAMPLES_PER_PIXEL.contains(&samples) {
-        let (low, high) = limits::SAMPLES_PER_PIXEL.into_inner();
-        let rule = format!("a power of two, {low} to {high}");
-        return Err(Fault::of_value(
-            "integrator.samples_per_pixel",
-            samples,
-            rule,
-        ));
+fn power_of_two(key: &str, value: u32, range: &RangeInclusive<u32>) -> Result<(), Fault> {
+    if value.is_power_of_two() && range.contains(&value) {
+        return Ok(());
     }
-    integer(
-        "integrator.max_bounces",
-        integrator.max_bounces,
-        limits::BOUNCES,
-    )?;
-    check_measures(specification)
+    Err(Fault::of_value(key, value, power_of_two_rule(range)))
 }
 
-/// Lengths, angles and powers of camera, light, sample and chart.
-fn check_measures(specification: &Specification) -> Result<(), Fault> {
-    let camera = &specification.camera;
-    float("camera.distance_m", camera.distance_m, limits::DISTANCE_M)?;
-    float(
-        "camera.film_half_width",
-        camera.film_half_width,
-        limits::FILM_HALF_WIDTH,
-    )?;
+/// A key as an error names it.
+fn full_name(key: &Key) -> String {
+    match key.table {
+        "" => key.name.to_owned(),
+        table => format!("{table}.{}", key.name),
+    }
+}
 
-    let light = &specification.light;
-    float("light.distance_m", light.distance_m, limits::DISTANCE_M)?;
-    float("light.radius_m", light.radius_m, limits::LIGHT_RADIUS_M)?;
-    float("light.power_w", light.power_w, limits::LIGHT_POWER_W)?;
-    let efficacy = light.efficacy_lm_per_w;
-    float(
-        "light.efficacy_lm_per_w",
-        efficacy,
-        limits::LIGHT_EFFICACY_LM_PER_W,
-    )?;
-
-    float(
-        "sample.side_m",
-        specification.sample.side_m,
-        limits::SAMPLE_SIDE_M,
-    )?;
-
-    let checker = &specification.checker;
-    integer(
-        "checker.columns",
-        checker.columns,
-        limits::CHECKER_PATCHES_A_SIDE,
-    )?;
-    integer("checker.rows", checker.rows, limits::CHECKER_PATCHES_A_SIDE)?;
-    float("checker.pitch_m", checker.pitch_m, limits::CHECKER_PITCH_M)?;
-    let lower_edge_y_m = checker.lower_edge_y_m;
-    float(
-        "checker.lower_edge_y_m",
-        lower_edge_y_m,
-        limits::CHECKER_LOWER_EDGE_Y_M,
-    )?;
-    float(
-        "checker.tilt_deg",
-        checker.tilt_deg,
-        limits::CHECKER_TILT_DEG,
-    )
+/// Everything but the views and the ranges of the parameters.
+fn check_values(specification: &Specification) -> Result<(), Fault> {
+    for key in keys() {
+        let name = full_name(key);
+        match &key.rule {
+            Rule::Name(value) => check_name(&name, value(specification))?,
+            Rule::Integer(value, range) => integer(&name, value(specification), range)?,
+            Rule::PowerOfTwo(value, range) => power_of_two(&name, value(specification), range)?,
+            Rule::Float(value, range) => float(&name, value(specification), range)?,
+            // Others check these, or the type allows nothing else.
+            Rule::Ends(..) | Rule::OfView(..) => {}
+            Rule::Choice(_) | Rule::TruthOfView | Rule::Colours => {}
+        }
+    }
+    Ok(())
 }
 
 /// A name stands in file names, so it is plain.
-fn check_name(name: &str) -> Result<(), Fault> {
+fn check_name(key: &str, name: &str) -> Result<(), Fault> {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     let starts_well = name.starts_with(|c: char| c.is_ascii_alphanumeric());
     if starts_well && limits::NAME_CHARACTERS.contains(&name.len()) && name.chars().all(plain) {
         return Ok(());
     }
-    let (low, high) = limits::NAME_CHARACTERS.into_inner();
-    let rule = format!(
-        "{low} to {high} of the characters a-z A-Z 0-9 - _ . and start with a letter or digit"
-    );
-    Err(Fault::of_value("name", format!("{name:?}"), rule))
+    Err(Fault::of_value(key, format!("{name:?}"), name_rule()))
 }
 
 fn check_views(specification: &Specification) -> Result<(), Fault> {
@@ -173,38 +135,32 @@ fn check_views(specification: &Specification) -> Result<(), Fault> {
         return Err(Fault::of_keys(["views".to_owned()], rule));
     }
     for (place, view) in specification.views.iter().enumerate() {
-        let key = |field: &str| format!("views[{place}].{field}");
-        let (camera, light) = (view.camera_elevation_deg, view.light_elevation_deg);
-        float(&key("camera_elevation_deg"), camera, limits::ELEVATION_DEG)?;
-        float(&key("light_elevation_deg"), light, limits::ELEVATION_DEG)?;
-        float(
-            &key("rotation_deg"),
-            view.rotation_deg,
-            limits::ROTATION_DEG,
-        )?;
+        for key in keys() {
+            if let Rule::OfView(value, range) = &key.rule {
+                let name = format!("views[{place}].{}", key.name);
+                float(&name, value(view), range)?;
+            }
+        }
     }
     Ok(())
 }
 
 fn check_ranges(specification: &Specification) -> Result<(), Fault> {
-    let parameters = &specification.parameters;
-    let ranges = [
-        ("roughness", parameters.roughness, limits::ROUGHNESS_PERCENT),
-        ("anisotropy", parameters.anisotropy, limits::ANISOTROPY),
-        ("angle_deg", parameters.angle_deg, limits::ANGLE_DEG),
-        ("ior", parameters.ior, limits::IOR),
-    ];
-    for (name, [low, high], allowed) in ranges {
-        let key = format!("parameters.{name}");
-        float(&format!("{key}[0]"), low, allowed.clone())?;
-        float(&format!("{key}[1]"), high, allowed)?;
+    for key in keys() {
+        let Rule::Ends(ends, range) = &key.rule else {
+            continue;
+        };
+        let name = full_name(key);
+        let [low, high] = ends(specification);
+        float(&format!("{name}[0]"), low, range)?;
+        float(&format!("{name}[1]"), high, range)?;
         if low > high {
             let rule = format!(
                 "runs from {} down to {}, but the lower end must come first",
                 number_text(low),
                 number_text(high)
             );
-            return Err(Fault::of_keys([key], rule));
+            return Err(Fault::of_keys([name], rule));
         }
     }
     Ok(())

@@ -12,7 +12,7 @@ use toml::{
 };
 
 /// What a view has where its table says nothing.
-const PLAIN_VIEW: View = View {
+pub(super) const PLAIN_VIEW: View = View {
     camera_elevation_deg: 45.0,
     light_elevation_deg: 45.0,
     rotation_deg: 0.0,
@@ -59,6 +59,11 @@ table_field!(
 /// An enum of a few names.
 macro_rules! choice_field {
     ($type:ident, $expected:literal: $($name:literal => $variant:ident),+) => {
+        impl $type {
+            /// The names that a file may give.
+            pub(super) const EXPECTED: &'static str = $expected;
+        }
+
         impl Field for $type {
             fn read(
                 &mut self,
@@ -68,7 +73,7 @@ macro_rules! choice_field {
             ) -> Result<(), SpecificationError> {
                 *self = match value.get_ref().as_str() {
                     $(Some($name) => Self::$variant,)+
-                    _ => return Err(reader.wrong_type(key, $expected, value)),
+                    _ => return Err(reader.wrong_type(key, Self::EXPECTED, value)),
                 };
                 Ok(())
             }

@@ -8,13 +8,16 @@ mod check;
 mod differences;
 mod error;
 mod fields;
+mod keys;
 pub mod limits;
 mod read;
 mod reader;
 mod suggest;
 
+pub use check::rules_together;
 pub use differences::Differences;
 pub use error::{Place, SpecificationError};
+pub use keys::{Key, keys};
 
 use serde::{Deserialize, Serialize};
 

@@ -14,11 +14,14 @@ use toml::{
 };
 
 static PRESET: LazyLock<Specification> = LazyLock::new(|| {
-    toml::from_str(include_str!("../maxbrdf.toml"))
+    toml::from_str(Specification::PRESET_TOML)
         .unwrap_or_else(|error| unreachable!("the preset is complete, as a test shows: {error}"))
 });
 
 impl Specification {
+    /// The file of the built-in preset, with the reason for each choice.
+    pub const PRESET_TOML: &str = include_str!("../maxbrdf.toml");
+
     /// The built-in preset, `maxbrdf`: the paper's dataset.
     pub fn preset() -> Self {
         PRESET.clone()

@@ -45,7 +45,7 @@ fn similarity(name: &str, key: &str) -> f64 {
 }
 
 /// Every key of a specification, outer tables first.
-fn all_keys() -> Vec<String> {
+pub(super) fn all_keys() -> Vec<String> {
     let mut keys = Vec::new();
     if let Value::Object(fields) = Specification::preset().tree() {
         for (key, value) in &fields {

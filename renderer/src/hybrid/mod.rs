@@ -1,11 +1,11 @@
 //! The hybrid integrator: nothing is traced that can be worked out.
 //!
 //! A scene of a flat sample, a bulb and a chart in front of which the bulb stands has no shadows.
-//! So the bulb's light off the sample is a cubature over the bulb ([`direct`]), the bulb's light on
+//! So the bulb's light off the sample is a cubature over the bulb (`direct`), the bulb's light on
 //! the chart a closed form, what the chart sends to the sample a cubature over its patches
-//! ([`reflected_chart`]), and what the sample sends to the chart one over the sample
-//! ([`interreflection`]). Each is a smooth function of the film, or one with edges at known scales,
-//! and pixels are its integrals ([`crate::film::tiling`]).
+//! (`reflected_chart`), and what the sample sends to the chart one over the sample
+//! (`interreflection`). Each is a smooth function of the film, or one with edges at known scales,
+//! and pixels are its integrals (`crate::film::tiling`).
 //!
 //! A view that is not of this kind goes to the path tracer: see [`PreparedView::new`].
 

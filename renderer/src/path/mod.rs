@@ -3,16 +3,16 @@
 //! Its estimators leave no rare events, so that few samples know their own error:
 //!
 //! - Each surface, and the bulb, is sampled on the part of the pixel that it may fill
-//!   ([`footprint`]), and where the bulb shows small in the sample ([`highlight`]) there are paths of
+//!   (`footprint`), and where the bulb shows small in the sample (`highlight`) there are paths of
 //!   its own.
 //! - At each hit the bulb is sampled over the cone that it fills from a diffuse surface, and over
-//!   the half vectors that turn to it, by the lobe, from a glossy one ([`glint`]). A scattered ray
+//!   the half vectors that turn to it, by the lobe, from a glossy one (`glint`). A scattered ray
 //!   that meets the bulb adds nothing.
 //! - From one surface a path can only go on to the other. Some directions follow the surface's own
 //!   density and some are aimed at the other surface, weighed by the balance heuristic (Veach and
 //!   Guibas 1995).
 //!
-//! [`interval`] states the error.
+//! `interval` states the error.
 
 mod footprint;
 mod glint;

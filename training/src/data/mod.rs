@@ -2,9 +2,9 @@
 //!
 //! | module | what |
 //! | --- | --- |
-//! | [`folder`] | which pairs an export has, and what it says of them |
-//! | [`image`] | one rectified image |
-//! | [`cache`] | the pixels of all pairs in one file |
+//! | `folder` | which pairs an export has, and what it says of them |
+//! | `image` | one rectified image |
+//! | `cache` | the pixels of all pairs in one file |
 
 mod cache;
 mod folder;

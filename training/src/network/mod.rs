@@ -3,7 +3,7 @@
 //! | module | what |
 //! | --- | --- |
 //! | [`architecture`] | sizes |
-//! | [`weights`] | first weights |
+//! | `weights` | first weights |
 //! | [`trunk`] | the convolutions: a pair of photographs to features |
 //! | [`head`] | the dense layers: features to a distribution over bins for each parameter |
 //! | [`dropout`] | which activations are dropped in a step |
