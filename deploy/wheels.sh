@@ -7,6 +7,9 @@
 #
 #   deploy/wheels.sh                    x86_64 and aarch64
 #   deploy/wheels.sh x86_64             one of them
+#
+# The wheel of this machine's processor also runs examples/quickstart.ipynb there; with WHEELS_TORCH=1
+# PyTorch is installed as well, and the cells that need it run too.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -45,9 +48,10 @@ build() {
   rm -r "$bin"
 }
 
-# Installs a wheel where no Rust can be found, and does with it what the README says.
+# Installs a wheel where no Rust can be found, and does with it what the README says; then runs the
+# notebook if there is one.
 try() {
-  local wheel="$1" python="$2" place
+  local wheel="$1" python="$2" notebook="${3:-}" place packages
   place="$(mktemp -d)"
   (
     cd "$place"
@@ -66,6 +70,12 @@ image = brdfarm.render(spec, spec.material(3), 5)
 print(image, f"{image.seconds:.2f} s")
 assert brdfarm.Dataset("store")[3, 5].digest == image.digest
 PYTHON
+    if [[ -n "$notebook" ]]; then
+      packages=(pyarrow matplotlib nbclient ipykernel pytest)
+      [[ -z "${WHEELS_TORCH:-}" ]] || packages+=(torch)
+      environment/bin/pip --disable-pip-version-check --quiet install "${packages[@]}"
+      environment/bin/python -m pytest --quiet -p no:cacheprovider "$notebook"
+    fi
     environment/bin/pip --quiet uninstall --yes brdfarm
     left="$(find environment -iname '*brdfarm*')"
     [[ -z "$left" ]] || fail "uninstalled, and still there: $left"
@@ -84,7 +94,7 @@ for processor in "${processors[@]}"; do
   wheel="$(find "$out" -name "brdfarm-*_$processor.whl" -printf '%T@ %p\n' | sort -n | tail -1 | cut -d' ' -f2)"
   say "$(du -h "$wheel" | cut -f1) $wheel"
   if [[ "$processor" == "$here" ]]; then
-    try "$wheel" "$(command -v python3)"
+    try "$wheel" "$(command -v python3)" "$PWD/tests/python/notebook"
   else
     command -v "qemu-$processor-static" > /dev/null ||
       fail "qemu-$processor-static is missing (Debian: qemu-user-static): the wheel is not tried"
