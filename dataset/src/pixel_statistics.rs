@@ -34,21 +34,23 @@ pub struct PixelStatistics {
 impl PixelStatistics {
     /// Those of an image whose pixels are given row by row from the top, as the file has them; `None`
     /// where the specification has no such view, or the film another number of pixels.
-    pub fn of(specification: &Specification, view: u32, pixels: &[[f32; 3]]) -> Option<Self> {
+    pub fn of(
+        specification: &Specification,
+        view: u32,
+        pixels: impl ExactSizeIterator<Item = [f32; 3]>,
+    ) -> Option<Self> {
         let width = specification.image.width as usize;
-        if pixels.len() != width * specification.image.height as usize || pixels.is_empty() {
+        let count = pixels.len();
+        if count != width * specification.image.height as usize || count == 0 {
             return None;
         }
         let homography = specification.view_geometry(view as usize)?.sample_from_film;
-        let mut of_sample = Vec::with_capacity(pixels.len());
-        for (row, pixels) in pixels.chunks_exact(width).enumerate() {
-            for (column, pixel) in pixels.iter().enumerate() {
-                if is_sample(&homography, column, row) {
-                    of_sample.push(brightness(*pixel));
-                }
-            }
-        }
-        let sample_share = of_sample.len() as f64 / pixels.len() as f64;
+        let places = (0..).map(|place: usize| (place % width, place / width));
+        let of_sample = pixels
+            .zip(places)
+            .filter(|(_, (column, row))| is_sample(&homography, *column, *row));
+        let mut of_sample: Vec<f64> = of_sample.map(|(pixel, _)| brightness(pixel)).collect();
+        let sample_share = of_sample.len() as f64 / count as f64;
         Some(Self::of_sample(sample_share, &mut of_sample))
     }
 
@@ -158,13 +160,15 @@ mod tests {
     fn a_white_sample_is_white_and_covers_what_the_homography_says() {
         let specification = small();
         for view in 0..14 {
-            let found = PixelStatistics::of(&specification, view, &[[1.0; 3]; 24 * 16]).unwrap();
+            let found =
+                PixelStatistics::of(&specification, view, [[1.0; 3]; 24 * 16].into_iter()).unwrap();
             assert!((found.brightness_mean - 1.0).abs() < 1e-12);
             assert!((found.brightness_p99 - 1.0).abs() < 1e-12);
             assert_eq!(found.dark_share, 0.0);
             assert!(found.sample_share > 0.02 && found.sample_share < 1.0);
             assert_eq!(found.check(), Ok(()));
-            let black = PixelStatistics::of(&specification, view, &[[0.0; 3]; 24 * 16]).unwrap();
+            let black =
+                PixelStatistics::of(&specification, view, [[0.0; 3]; 24 * 16].into_iter()).unwrap();
             assert_eq!(black.sample_share, found.sample_share);
             assert_eq!((black.dark_share, black.above_white_share), (1.0, 0.0));
         }
@@ -184,14 +188,14 @@ mod tests {
     fn what_is_no_image_of_the_specification_has_none() {
         let specification = small();
         assert_eq!(
-            PixelStatistics::of(&specification, 14, &[[1.0; 3]; 24 * 16]),
+            PixelStatistics::of(&specification, 14, [[1.0; 3]; 24 * 16].into_iter()),
             None
         );
         assert_eq!(
-            PixelStatistics::of(&specification, 0, &[[1.0; 3]; 23 * 16]),
+            PixelStatistics::of(&specification, 0, [[1.0; 3]; 23 * 16].into_iter()),
             None
         );
-        assert_eq!(PixelStatistics::of(&specification, 0, &[]), None);
+        assert_eq!(PixelStatistics::of(&specification, 0, [].into_iter()), None);
     }
 
     #[test]

@@ -325,7 +325,7 @@ fn check_brightness(
     view: u32,
     pixels: &[[f32; 3]],
 ) -> Result<(), (FaultKind, String)> {
-    let found = PixelStatistics::of(store.specification(), view, pixels);
+    let found = PixelStatistics::of(store.specification(), view, pixels.iter().copied());
     match (done.pixels, found) {
         (Some(recorded), Some(found)) if recorded != found => {
             let what = format!("its brightness is {found}; recorded is {recorded}");

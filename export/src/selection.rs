@@ -168,6 +168,6 @@ fn pixel_statistics(
     let pixels = decoded
         .map_err(|rejection| faulty(rejection.to_string()))?
         .pixels;
-    PixelStatistics::of(store.specification(), view, &pixels)
+    PixelStatistics::of(store.specification(), view, pixels.iter().copied())
         .ok_or_else(|| faulty("it is no image of this view".to_owned()))
 }

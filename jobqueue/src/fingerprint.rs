@@ -1,63 +1,85 @@
 //! What two renderings of one material are compared by.
 
-use dataset::{CompletedView, Digest, PixelStatistics};
+use dataset::{CompletedView, Digest, ParseDigestError, PixelStatistics};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 use std::fmt;
 
-/// The digest of all images' digests, and that of everything that their worker said of them.
+/// The digest of all images' digests, and those of what their worker said of their errors and of their
+/// brightness.
 ///
-/// As text, and in records: 64 hexadecimal digits, two colons, 64 more. Earlier versions recorded nothing
-/// of brightness and have one colon, or the first 64 digits alone. What was said is compared where both
-/// said it of the same things; images are always.
+/// As text, and in records: 64 hexadecimal digits, a colon, 32 more, a colon, 32 more. Earlier versions
+/// recorded nothing of brightness, or the first 64 digits alone; what one of two lacks is not compared.
+/// Whoever says nothing of brightness hides nothing: it is a function of the images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fingerprint {
     images: Digest,
-    told: Told,
+    told: Option<Told>,
 }
 
 /// What a worker said of its images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Told {
-    Nothing,
-    Errors(Digest),
-    ErrorsAndPixels(Digest),
+struct Told {
+    errors: Half,
+    pixels: Option<Half>,
+}
+
+/// The first half of a digest. There is one for each of millions of jobs; and who lies has to meet that
+/// of an honest worker, which takes 2^128 attempts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Half([u8; 16]);
+
+impl Half {
+    fn of(told: &[u8]) -> Self {
+        Self::first(&Digest::of(told))
+    }
+
+    fn first(digest: &Digest) -> Self {
+        Self(std::array::from_fn(|place| digest.as_bytes()[place]))
+    }
+
+    /// Of 32 hexadecimal digits, or of the 64 of a whole digest, which earlier versions recorded.
+    fn parse(text: &str) -> Result<Self, ParseDigestError> {
+        match text.len() {
+            32 => Ok(Self::first(&format!("{text}{text}").parse()?)),
+            _ => Ok(Self::first(&text.parse()?)),
+        }
+    }
+}
+
+impl fmt::Display for Half {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.iter().try_for_each(|byte| write!(f, "{byte:02x}"))
+    }
 }
 
 impl Fingerprint {
     /// That of a material's views, in the specification's order.
     pub fn of(views: &[CompletedView]) -> Self {
         let images = views.iter().flat_map(|view| *view.digest.as_bytes());
-        let mut told: Vec<u8> = views.iter().flat_map(errors).collect();
+        let errors: Vec<u8> = views.iter().flat_map(errors).collect();
         let pixels: Option<Vec<[u8; 40]>> = views.iter().map(pixels).collect();
         Self {
             images: Digest::of(&images.collect::<Vec<u8>>()),
-            told: match pixels {
-                None => Told::Errors(Digest::of(&told)),
-                Some(pixels) => {
-                    told.extend(pixels.as_flattened());
-                    Told::ErrorsAndPixels(Digest::of(&told))
-                }
-            },
+            told: Some(Told {
+                errors: Half::of(&errors),
+                pixels: pixels.map(|pixels| Half::of(pixels.as_flattened())),
+            }),
         }
     }
 
     /// That of images of which nothing was said, as earlier versions recorded it. `images` is the
     /// digest of all their digests.
     pub fn of_images(images: Digest) -> Self {
-        Self {
-            images,
-            told: Told::Nothing,
-        }
+        Self { images, told: None }
     }
 
     /// Whether both can be of the same rendering: images are equal, and what was said of them where
-    /// both said it of the same things.
+    /// both said it.
     pub fn agrees_with(self, other: Self) -> bool {
-        let said_the_same = match (self.told, other.told) {
-            (Told::Errors(one), Told::Errors(other))
-            | (Told::ErrorsAndPixels(one), Told::ErrorsAndPixels(other)) => one == other,
-            _ => true,
-        };
+        let said_the_same = self.told.zip(other.told).is_none_or(|(one, other)| {
+            let pixels = one.pixels.zip(other.pixels);
+            one.errors == other.errors && pixels.is_none_or(|(one, other)| one == other)
+        });
         self.images == other.images && said_the_same
     }
 }
@@ -93,11 +115,12 @@ fn pixels(view: &CompletedView) -> Option<[u8; 40]> {
 
 impl fmt::Display for Fingerprint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match &self.told {
-            Told::Nothing => self.images.fmt(f),
-            Told::Errors(told) => write!(f, "{}:{told}", self.images),
-            Told::ErrorsAndPixels(told) => write!(f, "{}::{told}", self.images),
-        }
+        self.images.fmt(f)?;
+        let Some(Told { errors, pixels }) = &self.told else {
+            return Ok(());
+        };
+        write!(f, ":{errors}")?;
+        pixels.map_or(Ok(()), |pixels| write!(f, ":{pixels}"))
     }
 }
 
@@ -110,16 +133,14 @@ impl Serialize for Fingerprint {
 impl<'de> Deserialize<'de> for Fingerprint {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = String::deserialize(deserializer)?;
-        let digest = |text: &str| text.parse().map_err(D::Error::custom);
-        Ok(match text.split_once(':') {
-            None => Self::of_images(digest(&text)?),
-            Some((images, told)) => Self {
-                images: digest(images)?,
-                told: match told.strip_prefix(':') {
-                    None => Told::Errors(digest(told)?),
-                    Some(told) => Told::ErrorsAndPixels(digest(told)?),
-                },
-            },
+        let mut parts = text.splitn(3, ':');
+        let images = parts.next().unwrap_or_default();
+        let mut half = || parts.next().map(Half::parse).transpose();
+        let errors = half().map_err(D::Error::custom)?;
+        let pixels = half().map_err(D::Error::custom)?;
+        Ok(Self {
+            images: images.parse().map_err(D::Error::custom)?,
+            told: errors.map(|errors| Told { errors, pixels }),
         })
     }
 }
@@ -161,45 +182,53 @@ mod tests {
         }
     }
 
+    /// Who leaves its brightness out is compared by all the rest, whichever of the two it is.
     #[test]
-    fn records_of_earlier_versions_are_compared_by_their_images() {
+    fn saying_less_hides_no_lie() {
+        let honest = of(|_| {});
+        let silent = of(|view| view.pixels = None);
+        assert!(silent.agrees_with(honest) && honest.agrees_with(silent));
+        let lie = of(|view| {
+            view.pixels = None;
+            view.statistics.mean = 0.0;
+        });
+        assert!(!lie.agrees_with(honest) && !honest.agrees_with(lie));
+    }
+
+    #[test]
+    fn records_of_earlier_versions_are_compared_by_what_they_have() {
         let written = serde_json::to_string(&of(|_| {})).unwrap();
-        let (images, _) = written.trim_matches('"').split_once("::").unwrap();
-        let without_pixels = |told: fn(&mut CompletedView)| {
-            let written = of(|view| {
-                view.pixels = None;
-                told(view);
-            });
-            let written = serde_json::to_string(&written).unwrap();
-            assert!(written.contains(':') && !written.contains("::"));
-            serde_json::from_str::<Fingerprint>(&written).unwrap()
+        let read = |text: &str| serde_json::from_str::<Fingerprint>(&format!("\"{text}\""));
+        assert_eq!(read(written.trim_matches('"')).unwrap(), of(|_| {}));
+        let parts: Vec<&str> = written.trim_matches('"').split(':').collect();
+        let [images, errors, pixels] = parts[..] else {
+            panic!("{written}");
         };
-        let honest = without_pixels(|_| {});
-        assert!(honest.agrees_with(of(|_| {})));
-        assert!(!honest.agrees_with(of(|view| view.digest = Digest::of(b"other"))));
-        assert!(!honest.agrees_with(without_pixels(|view| view.statistics.mean = 0.0)));
-        let earlier: Fingerprint = serde_json::from_str(&format!("\"{images}\"")).unwrap();
-        assert!(earlier.agrees_with(of(|view| view.statistics.mean = 0.0)));
-        assert!(!earlier.agrees_with(of(|view| view.digest = Digest::of(b"other"))));
-        assert_eq!(
-            serde_json::to_string(&earlier).unwrap(),
-            format!("\"{images}\"")
-        );
-        assert_eq!(
-            serde_json::from_str::<Fingerprint>(&written).unwrap(),
-            of(|_| {})
-        );
+        assert_eq!([images.len(), errors.len(), pixels.len()], [64, 32, 32]);
+
+        let images_alone = read(images).unwrap();
+        assert!(images_alone.agrees_with(of(|view| view.statistics.mean = 0.0)));
+        assert!(!images_alone.agrees_with(of(|view| view.digest = Digest::of(b"other"))));
+        assert_eq!(images_alone.to_string(), images);
+
+        // A whole digest of what was said of errors, as versions wrote it that recorded no brightness.
+        let whole = format!("{images}:{errors}{}", "0".repeat(32));
+        let without_pixels = read(&whole).unwrap();
+        assert!(without_pixels.agrees_with(of(|_| {})));
+        assert!(without_pixels.agrees_with(told(|pixels| pixels.dark_share += 0.1)));
+        assert!(!without_pixels.agrees_with(of(|view| view.statistics.mean = 0.0)));
         for wrong in [
-            "\"\"",
-            "\":\"",
-            "3",
-            &format!("\"{images}:\""),
-            &format!("{}:{images}\"", &written[..written.len() - 1]),
+            String::new(),
+            ":".to_owned(),
+            "3".to_owned(),
+            format!("{images}:"),
+            format!("{images}:{errors}:"),
+            format!("{images}:{errors}0"),
+            format!("{images}:{errors}:{pixels}:{pixels}"),
+            format!("{images}::{pixels}"),
+            format!("{images}:{}", "é".repeat(16)),
         ] {
-            assert!(
-                serde_json::from_str::<Fingerprint>(wrong).is_err(),
-                "{wrong}"
-            );
+            assert!(read(&wrong).is_err(), "{wrong}");
         }
     }
 }

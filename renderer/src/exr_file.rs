@@ -66,13 +66,13 @@ pub fn encode(
 }
 
 /// The pixels of `film` as a file of this pixel type has them, row by row from the top.
-pub fn stored_pixels(film: &Film, pixel: Pixel) -> Vec<[f32; 3]> {
-    let stored = |value: f64| match pixel {
+pub fn stored_pixels(film: &Film, pixel: Pixel) -> impl ExactSizeIterator<Item = [f32; 3]> {
+    let stored = move |value: f64| match pixel {
         Pixel::Half => f16::from_f64_const(value).to_f32_const(),
         Pixel::Float => value as f32,
     };
     let pixels = film.pixels.iter();
-    pixels.map(|pixel| pixel.value.map(stored)).collect()
+    pixels.map(move |pixel| pixel.value.map(stored))
 }
 
 /// The first channel that would round to a 16-bit infinity.

@@ -195,7 +195,7 @@ impl Renderer {
             )
         })?;
         let stored = exr_file::stored_pixels(&film, self.specification.image.pixel);
-        let Some(pixels) = PixelStatistics::of(&self.specification, view, &stored) else {
+        let Some(pixels) = PixelStatistics::of(&self.specification, view, stored) else {
             unreachable!("the film is of a view of the specification");
         };
         Ok(Rendering {

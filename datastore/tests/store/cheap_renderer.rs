@@ -15,7 +15,7 @@ impl Rerender for CheapRenderer {
         Ok(Rerendered {
             bytes,
             statistics: completion.views[view as usize].statistics,
-            pixels: PixelStatistics::of(&self.0, view, &pixels).unwrap(),
+            pixels: PixelStatistics::of(&self.0, view, pixels.iter().copied()).unwrap(),
         })
     }
 

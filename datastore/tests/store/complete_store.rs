@@ -14,7 +14,7 @@ pub fn completion(specification: &Specification, material: u32) -> (Completion, 
         .collect();
     let pixels = |view, bytes: &[u8]| {
         let pixels = decode(bytes, specification).unwrap().pixels;
-        PixelStatistics::of(specification, view, &pixels)
+        PixelStatistics::of(specification, view, pixels.iter().copied())
     };
     let views = images.iter().zip(1..).map(|(bytes, view)| CompletedView {
         digest: Digest::of(bytes),

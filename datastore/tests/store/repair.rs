@@ -248,7 +248,7 @@ fn an_image_that_renders_to_another_is_replaced_and_its_worker_named() {
     lie.views[2].digest = Digest::of(&image);
     lie.views[2].bytes = image.len() as u64;
     let pixels = decode(&image, &renderer.0).unwrap().pixels;
-    lie.views[2].pixels = PixelStatistics::of(&renderer.0, 2, &pixels);
+    lie.views[2].pixels = PixelStatistics::of(&renderer.0, 2, pixels.iter().copied());
     lie.worker = "eve/node".to_owned();
     record(path, &lie, vec![image], true);
     assert_eq!(look(path, &checks(MATERIALS, None)).faults, []);

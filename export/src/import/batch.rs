@@ -120,7 +120,7 @@ fn check(
             .and_then(|()| decode(file, specification))
             .and_then(|found| check_identity(&found.header, header).map(|()| found))
             .map_err(|rejection| wrong(rejection.to_string()))?;
-        let found = PixelStatistics::of(specification, header.view, &decoded.pixels);
+        let found = PixelStatistics::of(specification, header.view, decoded.pixels.iter().copied());
         if let (Some(told), Some(found)) = (wanted.done.pixels, found)
             && told != found
         {

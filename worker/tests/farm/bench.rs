@@ -75,7 +75,7 @@ pub fn rendered(specification: &Specification, view: u32, exr: Vec<u8>) -> Rende
     RenderedView {
         exr,
         statistics: statistics(),
-        pixels: PixelStatistics::of(specification, view, &pixels).unwrap(),
+        pixels: PixelStatistics::of(specification, view, pixels.iter().copied()).unwrap(),
     }
 }
 
