@@ -185,6 +185,10 @@ def check_card(folder, rows, pixels):
             values.mean(), values.std(), *percentiles, values.max(), logs.mean(), logs.std()
         ]
         assert np.allclose(told, expected, rtol=1e-6, atol=1e-12), f"{told}, {expected}"
+    # A table needs as many columns in its second line as in its first.
+    lines = card.splitlines()
+    first = next(place for place, line in enumerate(lines) if line.startswith("| channel |"))
+    assert len({line.count("|") for line in lines[first : first + 5]}) == 1, lines[first : first + 5]
     within = 100 * np.mean([row["within_target"] for row in rows])
     assert f"{within:.4f} percent of the pixels are within it" in card, within
 

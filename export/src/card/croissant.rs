@@ -117,7 +117,7 @@ fn pixels(described: &Described<'_>) -> Value {
             "@id": format!("{PIXELS}/exr"),
             "name": "exr",
             "description": format!(
-                "An OpenEXR file. Decoded: height x width x 3 {kind}, linear Rec.709 in units of white \
+                "An OpenEXR file. Decoded: height x width x 3 floats of {bits} bits, linear Rec.709 in units of white \
                  (the radiance of a perfect white diffuser that faces the bulb), row 0 the top of the \
                  film."
             ),

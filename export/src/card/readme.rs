@@ -204,7 +204,7 @@ fn write_channels(pixels: &Pixels, text: &mut String) -> std::fmt::Result {
     writeln!(
         text,
         "The pixels of the sample in {which}, in units of white:\n\n| channel | mean | standard \
-         deviation | {} | largest | mean of log1p | its standard deviation |\n|{}",
+         deviation | {} | largest | mean of log1p | its standard deviation |\n| --- |{}",
         PERCENT.map(|percent| format!("{percent} %")).join(" | "),
         " ---: |".repeat(5 + PERCENT.len())
     )?;
