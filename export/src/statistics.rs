@@ -80,8 +80,8 @@ pub struct Brightness {
     pub brightest: f32,
 }
 
-/// Counts and measures the complete materials of a store, those that a condition holds for; reads the images themselves only for
-/// `pixels`. `progress` is told how many materials were looked at.
+/// Counts and measures the complete materials of a store, those that a condition holds for; reads the
+/// images themselves only for `pixels`. `progress` is told how many materials were looked at.
 ///
 /// # Errors
 /// When a record or an image cannot be read.
@@ -133,12 +133,7 @@ pub fn statistics(
             .flatten();
         for (image, view) in images.iter().zip(&mut found.views) {
             found.bytes += image.done.bytes;
-            let statistics = &image.done.statistics;
-            view.bytes_mean += image.done.bytes as f64;
-            view.error_mean += statistics.mean;
-            view.error_max = view.error_max.max(statistics.max);
-            view.within_target += statistics.within_target;
-            view.cost_mean += (statistics.samples + statistics.evaluations) as f64;
+            view.add(&image.done);
             if let Some(brightness) = &mut view.brightness {
                 let faulty = |reason| ExportError::Image {
                     path: store.image_path(&image.done.digest),
@@ -148,29 +143,50 @@ pub fn statistics(
                     unreachable!("one is read for each image");
                 };
                 let bytes = bytes.map_err(|fault| faulty(fault.to_string()))?;
-                let decoded = decode(&bytes, specification)
-                    .map_err(|rejection| faulty(rejection.to_string()))?;
-                let channels = decoded.pixels.as_flattened().iter();
-                let brightest = channels.copied().fold(0.0, f32::max);
-                brightness.dark += f64::from(u8::from(brightest < DARK));
-                brightness.above_white += f64::from(u8::from(brightest > 1.0));
-                brightness.brightest = brightness.brightest.max(brightest);
+                let decoded = decode(&bytes, specification);
+                let decoded = decoded.map_err(|rejection| faulty(rejection.to_string()))?;
+                brightness.add(&decoded.pixels);
             }
         }
         progress(number);
     }
-    let count = f64::from(found.materials_complete.max(1));
     for view in &mut found.views {
-        view.bytes_mean /= count;
-        view.error_mean /= count;
-        view.within_target /= count;
-        view.cost_mean /= count;
-        if let Some(brightness) = &mut view.brightness {
+        view.divide(f64::from(found.materials_complete.max(1)));
+    }
+    Ok(found)
+}
+
+impl ViewStatistics {
+    /// Adds an image; means are sums until they are divided.
+    fn add(&mut self, image: &CompletedView) {
+        let statistics = &image.statistics;
+        self.bytes_mean += image.bytes as f64;
+        self.error_mean += statistics.mean;
+        self.error_max = self.error_max.max(statistics.max);
+        self.within_target += statistics.within_target;
+        self.cost_mean += (statistics.samples + statistics.evaluations) as f64;
+    }
+
+    fn divide(&mut self, count: f64) {
+        self.bytes_mean /= count;
+        self.error_mean /= count;
+        self.within_target /= count;
+        self.cost_mean /= count;
+        if let Some(brightness) = &mut self.brightness {
             brightness.dark /= count;
             brightness.above_white /= count;
         }
     }
-    Ok(found)
+}
+
+impl Brightness {
+    fn add(&mut self, pixels: &[[f32; 3]]) {
+        let channels = pixels.as_flattened().iter();
+        let brightest = channels.copied().fold(0.0, f32::max);
+        self.dark += f64::from(u8::from(brightest < DARK));
+        self.above_white += f64::from(u8::from(brightest > 1.0));
+        self.brightest = self.brightest.max(brightest);
+    }
 }
 
 fn spreads(store: &ReadOnlyStore, chosen: &Chosen) -> Vec<Spread> {

@@ -194,19 +194,24 @@ impl Renderer {
                 self.specification.white_luminance(),
             )
         })?;
-        let stored = exr_file::stored_pixels(&film, self.specification.image.pixel);
-        let Some(pixels) = PixelStatistics::of(&self.specification, view, stored) else {
-            unreachable!("the film is of a view of the specification");
-        };
         Ok(Rendering {
             header,
             integrator,
             exr,
-            pixels,
+            pixels: self.brightness(&film, view),
             statistics: film.statistics(&self.specification.accuracy, samples, evaluations),
             film,
             phases,
         })
+    }
+
+    /// How bright a film is, with the pixels that its file has.
+    fn brightness(&self, film: &Film, view: u32) -> PixelStatistics {
+        let stored = exr_file::stored_pixels(film, self.specification.image.pixel);
+        let Some(found) = PixelStatistics::of(&self.specification, view, stored) else {
+            unreachable!("the film is of a view of the specification");
+        };
+        found
     }
 
     /// Renders a view with the hybrid integrator: the film, samples, evaluations and phases.
