@@ -94,6 +94,17 @@ impl Images {
         views
     }
 
+    /// The truth, said to be brighter.
+    pub fn brighten(&self, material: u32) -> Vec<View> {
+        let mut views = self.truth(material);
+        for view in &mut views {
+            let pixels = view.pixels.as_mut().unwrap();
+            pixels.brightness_mean += 0.5;
+            pixels.dark_share = 0.0;
+        }
+        views
+    }
+
     /// The truth, with something in its files that does not belong there.
     pub fn smuggle(&self, material: u32) -> Vec<View> {
         let mut views = self.truth(material);

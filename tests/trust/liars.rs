@@ -13,6 +13,8 @@ pub enum Liar {
     KnowsRedundantRenders,
     /// Its images are right, and said to be better than they are.
     StatisticsOnly,
+    /// Its images are right, and said to be brighter than they are.
+    BrightnessOnly,
     /// It tells the truth of its first materials, those that newcomers are watched for.
     HonestAtFirst,
     /// It is honest of its own materials, and contradicts those of others.
@@ -24,12 +26,13 @@ pub enum Liar {
 }
 
 impl Liar {
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Always,
         Self::Renamed,
         Self::TwoNames,
         Self::KnowsRedundantRenders,
         Self::StatisticsOnly,
+        Self::BrightnessOnly,
         Self::HonestAtFirst,
         Self::Slanderer,
         Self::Headers,
@@ -50,6 +53,7 @@ impl Liar {
             | Self::Renamed
             | Self::TwoNames
             | Self::StatisticsOnly
+            | Self::BrightnessOnly
             | Self::Headers => true,
             Self::KnowsRedundantRenders => !known,
             Self::Slanderer => known,

@@ -62,6 +62,11 @@ fn a_liar_of_statistics_alone_leaves_nothing() {
 }
 
 #[test]
+fn a_liar_of_brightness_alone_leaves_nothing() {
+    ends_right(Liar::BrightnessOnly);
+}
+
+#[test]
 fn a_liar_that_is_honest_until_it_is_trusted_leaves_nothing() {
     ends_right(Liar::HonestAtFirst);
 }

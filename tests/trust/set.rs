@@ -116,12 +116,15 @@ impl Farm {
             let row: Value = serde_json::from_str(row).unwrap();
             let material = row["material"].as_u64().unwrap() as u32;
             let truth = &images.truth(material)[row["view"].as_u64().unwrap() as usize];
-            let told = truth.statistics.unwrap();
+            let (told, pixels) = (truth.statistics.unwrap(), truth.pixels.unwrap());
             let digest = dataset::Digest::from_bytes(truth.digest[..].try_into().unwrap());
             if row["digest"] != digest.to_string() {
                 digests.insert(material);
             }
-            if row["error_mean"] != told.mean || row["error_p95"] != told.p95 {
+            if row["error_mean"] != told.mean
+                || row["error_p95"] != told.p95
+                || row["brightness_mean"] != pixels.brightness_mean
+            {
                 statistics.insert(material);
             }
             count += 1;

@@ -114,6 +114,7 @@ impl Puppet {
         let known = missing.unwrap().into_inner().missing.is_empty();
         match liar.lies(number, material, known) {
             true if liar == Liar::StatisticsOnly => self.images.praise(material),
+            true if liar == Liar::BrightnessOnly => self.images.brighten(material),
             true if liar == Liar::Headers => self.images.smuggle(material),
             true => self.images.lie(material),
             false => truth,
