@@ -71,7 +71,7 @@ print(image, f"{image.seconds:.2f} s")
 assert brdfarm.Dataset("store")[3, 5].digest == image.digest
 PYTHON
     if [[ -n "$notebook" ]]; then
-      packages=(pyarrow matplotlib nbclient ipykernel pytest)
+      packages=(pyarrow pandas matplotlib nbclient ipykernel pytest)
       [[ -z "${WHEELS_TORCH:-}" ]] || packages+=(torch)
       environment/bin/pip --disable-pip-version-check --quiet install "${packages[@]}"
       environment/bin/python -m pytest --quiet -p no:cacheprovider "$notebook"
