@@ -137,18 +137,29 @@ impl Chosen {
         let sampled = specification.material(material);
         let images = self.files_of(store, material)?.into_iter();
         let images = images.map(|(view, done)| {
-            let whole = CompletedView {
-                pixels: Some(match done.pixels {
-                    Some(pixels) => pixels,
-                    None => pixel_statistics(store, view, &done)?,
-                }),
-                ..done.clone()
-            };
+            let whole = with_brightness(store, view, &done)?;
             let row = Row::new(specification, hash, &sampled, view, &whole);
             Ok(ChosenImage { view, done, row })
         });
         images.collect()
     }
+}
+
+/// What is known of an image, with its brightness: from its pixels where an earlier version recorded
+/// none.
+pub(crate) fn with_brightness(
+    store: &ReadOnlyStore,
+    view: u32,
+    done: &CompletedView,
+) -> Result<CompletedView, ExportError> {
+    let pixels = match done.pixels {
+        Some(pixels) => pixels,
+        None => pixel_statistics(store, view, done)?,
+    };
+    Ok(CompletedView {
+        pixels: Some(pixels),
+        ..done.clone()
+    })
 }
 
 /// The brightness of an image, from its pixels.

@@ -7,7 +7,7 @@ mod digits;
 pub use contact_sheet::ContactSheet;
 
 use canvas::Canvas;
-use dataset::colour::srgb_from_linear;
+use export::product::{EXPOSURE_STOPS_MAX, to_srgb8};
 
 /// A picture of `values` (linear Rec.709, row by row), brightened by `exposure_stops`, as PNG.
 pub fn develop(
@@ -27,9 +27,6 @@ pub fn develop(
     picture.to_png()
 }
 
-/// The darkest and the brightest that a picture can be made, in stops.
-const EXPOSURE_STOPS_MAX: f64 = 64.0;
-
 /// Reads an exposure, in stops.
 pub fn parse_exposure(text: &str) -> Result<f64, String> {
     text.parse()
@@ -38,9 +35,4 @@ pub fn parse_exposure(text: &str) -> Result<f64, String> {
         .ok_or_else(|| {
             format!("exposure is a number from -{EXPOSURE_STOPS_MAX} to {EXPOSURE_STOPS_MAX}")
         })
-}
-
-fn to_srgb8(value: [f64; 3], exposure_stops: f64) -> [u8; 3] {
-    let gain = libm::exp2(exposure_stops);
-    value.map(|channel| (255.0 * srgb_from_linear((channel * gain).clamp(0.0, 1.0))).round() as u8)
 }

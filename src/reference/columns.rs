@@ -2,7 +2,6 @@
 
 use super::markdown::{head, prose, table};
 use dataset::manifest::{Column, Kind, columns};
-use export::manifest::may_be_null;
 
 const INTRODUCTION: &str = "\
 A manifest has one row for each image. `brdfarm dataset manifest export` writes it as Parquet, CSV or \
@@ -19,10 +18,7 @@ that faces the bulb. Matrices are stored row by row.
 /// The page.
 pub fn page() -> String {
     let mut page = head("The columns of a manifest") + INTRODUCTION;
-    page += match columns().iter().any(may_be_null) {
-        true => "A column whose type says \"or null\" has no value in some rows.\n\n",
-        false => "No value is ever null.\n\n",
-    };
+    page += "No value is ever null.\n\n";
     if columns().iter().any(|column| column.optional) {
         page += "Manifests of earlier versions lack the columns that are marked \"newer\".\n\n";
     }
@@ -34,11 +30,10 @@ pub fn page() -> String {
 }
 
 fn row(column: &Column) -> [String; 4] {
-    let null = if may_be_null(column) { " or null" } else { "" };
     let newer = if column.optional { " (newer)" } else { "" };
     [
         format!("`{}`{newer}", column.name),
-        format!("{}{null}", kind(column.kind)),
+        kind(column.kind),
         column.unit.to_owned(),
         prose(column.description),
     ]

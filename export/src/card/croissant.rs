@@ -101,7 +101,7 @@ fn pixels(described: &Described<'_>) -> Value {
         ),
         Layout::WebDataset => (
             json!({"fileProperty": "content"}),
-            "a shard's members end in .exr; `path` of the manifest names shard and member",
+            "members of the shards that end in .exr; `path` of the manifest names the shard",
         ),
         Layout::HuggingFace => (json!({"column": "exr"}), "the column `exr` holds the file"),
     };
@@ -117,9 +117,9 @@ fn pixels(described: &Described<'_>) -> Value {
             "@id": format!("{PIXELS}/exr"),
             "name": "exr",
             "description": format!(
-                "An OpenEXR file. Decoded: height x width x 3 floats of {bits} bits, linear Rec.709 in units of white \
-                 (the radiance of a perfect white diffuser that faces the bulb), row 0 the top of the \
-                 film."
+                "An OpenEXR file. Decoded: height x width x 3 floats of {bits} bits, linear Rec.709 in \
+                 units of white (the radiance of a perfect white diffuser that faces the bulb), row 0 \
+                 the top of the film."
             ),
             "dataType": ["sc:ImageObject", kind],
             "isArray": true,

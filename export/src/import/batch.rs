@@ -37,8 +37,8 @@ impl Batch {
         self.materials.push((material, images));
     }
 
-    /// Checks all images, notes their brightness, and makes them durable; leaves the batch empty. What somebody else
-    /// completed meanwhile counts as having been there.
+    /// Checks all images, notes their brightness, and makes them durable. Leaves the batch empty. What
+    /// somebody else completed meanwhile counts as having been there.
     pub fn store(
         &mut self,
         specification: &Specification,

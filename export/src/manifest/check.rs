@@ -1,6 +1,7 @@
 //! A manifest against the store that it describes: every row as the store has it.
 
 use super::read::{ReadError, read};
+use crate::selection::with_brightness;
 use dataset::manifest::Row;
 use datastore::ReadOnlyStore;
 use serde::Serialize;
@@ -67,8 +68,15 @@ pub fn check_manifest(store: &ReadOnlyStore, path: &Path) -> Result<Vec<RowFault
             fault(None, "the store has no such image".to_owned());
             return Ok(());
         };
+        let done = match with_brightness(store, view, done) {
+            Ok(done) => done,
+            Err(error) => {
+                fault(None, format!("its brightness cannot be compared: {error}"));
+                return Ok(());
+            }
+        };
         let sampled = specification.material(material);
-        let expected = Row::new(specification, hash, &sampled, view, done);
+        let expected = Row::new(specification, hash, &sampled, view, &done);
         if let Some(column) = row.first_difference(&expected) {
             let value = |row: &Row| {
                 let value = row.value(column.name);

@@ -16,7 +16,7 @@ use crate::{
     file::{unable, write_whole},
     selection::{Chosen, ChosenImage, Selection},
 };
-use dataset::manifest::{Column, Row};
+use dataset::manifest::Row;
 use datastore::ReadOnlyStore;
 use imagestore::FileError;
 use std::{io::Write, path::Path};
@@ -62,11 +62,6 @@ impl Format {
             Self::Parquet => "parquet",
         }
     }
-}
-
-/// Whether a row may lack the column's value: then Parquet and JSON have a null, and CSV nothing.
-pub fn may_be_null(column: &Column) -> bool {
-    parquet::field(column).is_nullable()
 }
 
 /// Writes a store's manifest to the file `output`, which appears when it is whole and durable. What

@@ -40,6 +40,16 @@ fn a_store_without_brightness_has_the_same_manifest() {
         (completion, images)
     };
     put(earlier.path(), &specification, (0..MATERIALS).map(without));
+    // The pixels speak where the store does not: a false brightness is no row of it.
+    let jsonl = manifest_of(earlier.path(), Format::Jsonl);
+    let text = fs::read_to_string(&jsonl).unwrap();
+    let lie = text.replacen("\"dark_share\":0.0", "\"dark_share\":0.5", 1);
+    assert_ne!(lie, text);
+    fs::write(&jsonl, lie).unwrap();
+    let store = ReadOnlyStore::open(earlier.path()).unwrap();
+    let faults = check_manifest(&store, &jsonl).unwrap();
+    let columns: Vec<_> = faults.iter().map(|fault| fault.column).collect();
+    assert_eq!(columns, [Some("dark_share")]);
     for format in Format::ALL {
         let [now, earlier] = [&now, &earlier].map(|store| {
             let manifest = manifest_of(store.path(), format);
