@@ -3,6 +3,7 @@
 use crate::failure::BadInput;
 use anyhow::Context;
 use clap::Args;
+use coordinator::security::{Security, Tls};
 use datastore::Holder;
 use proto::{
     ControlClient, HealthClient,
@@ -182,6 +183,30 @@ pub fn read_if_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
         return Err(BadInput(what).into());
     }
     Ok(Some(fs::read(path).with_context(unreadable)?))
+}
+
+/// Reads the credentials of a coordinator, or of pages in a browser.
+pub fn security(folder: &Path) -> anyhow::Result<Security> {
+    let file = |name: &str| {
+        let path = folder.join(name);
+        let absent = || BadInput(format!("--credentials: there is no {}", path.display()));
+        Ok::<_, anyhow::Error>(read_if_there(&path)?.ok_or_else(absent)?)
+    };
+    let tokens = text(file("tokens")?, "tokens")?.parse();
+    let tokens = tokens.map_err(|error| {
+        BadInput(format!(
+            "--credentials: {}: {error}",
+            folder.join("tokens").display()
+        ))
+    })?;
+    Ok(Security {
+        tls: Some(Tls {
+            certificate: file("certificate.pem")?,
+            key: file("key.pem")?,
+            client_authority: read_if_there(&folder.join("client-authority.pem"))?,
+        }),
+        tokens: Some(tokens),
+    })
 }
 
 #[cfg(test)]

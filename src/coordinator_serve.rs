@@ -1,20 +1,19 @@
 //! `brdfarm coordinator serve`: the coordinator alone.
 
-use crate::connection::{read_if_there, text};
+use crate::connection::security;
 use crate::coordinator_health;
-use crate::failure::BadInput;
 use crate::plural::count;
 use crate::runtime::Runtime;
-use crate::{plan, shutdown, specification, store_name};
+use crate::{pages, plan, shutdown, specification, store_name};
 use clap::{Args, Subcommand};
 use coordinator::Coordinator;
-use coordinator::security::{Security, Tls};
+use coordinator::security::Security;
 use datastore::{AnyStore, BlobsPlace, StoreName};
 use jobqueue::Policy;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 /// What a coordinator can be told.
@@ -57,6 +56,10 @@ pub struct Options {
     /// Serve Prometheus metrics at http://IP:PORT/metrics, to everyone who can reach it
     #[arg(long, value_name = "IP:PORT")]
     metrics: Option<SocketAddr>,
+    /// Serve pages for a browser at this address: the farm, the last images, materials, jobs and
+    /// workers. With --credentials they are encrypted and ask for the token of a reader or an operator
+    #[arg(long, value_name = "IP:PORT")]
+    web: Option<SocketAddr>,
     /// How long a worker may be silent before its job is given to another worker
     #[arg(long, default_value_t = limits::LEASE.as_secs(), value_name = "SECONDS",
           value_parser = clap::value_parser!(u64).range(1..=86_400))]
@@ -92,12 +95,23 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
     let kept = || store_name::kept_specification(&options.store, &runtime);
     let specification = options.specification.load(kept)?;
     Coordinator::check(&specification, &for_coordinator)?;
+    if let Some(serving) = options.for_web(&for_coordinator) {
+        serving.check()?;
+    }
     let blobs = options.blobs.as_ref();
     let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
     runtime.block_on(serve(options, for_coordinator, store))
 }
 
 impl Options {
+    fn for_web(&self, coordinator: &coordinator::Options) -> Option<web::Options> {
+        Some(web::Options {
+            listen: self.web?,
+            security: coordinator.security.clone(),
+            insecure: self.insecure,
+        })
+    }
+
     fn for_coordinator(&self) -> anyhow::Result<coordinator::Options> {
         Ok(coordinator::Options {
             listen: self.listen,
@@ -119,30 +133,6 @@ impl Options {
     }
 }
 
-/// Reads a coordinator's credentials.
-fn security(folder: &Path) -> anyhow::Result<Security> {
-    let file = |name: &str| {
-        let path = folder.join(name);
-        let absent = || BadInput(format!("--credentials: there is no {}", path.display()));
-        Ok::<_, anyhow::Error>(read_if_there(&path)?.ok_or_else(absent)?)
-    };
-    let tokens = text(file("tokens")?, "tokens")?.parse();
-    let tokens = tokens.map_err(|error| {
-        BadInput(format!(
-            "--credentials: {}: {error}",
-            folder.join("tokens").display()
-        ))
-    })?;
-    Ok(Security {
-        tls: Some(Tls {
-            certificate: file("certificate.pem")?,
-            key: file("key.pem")?,
-            client_authority: read_if_there(&folder.join("client-authority.pem"))?,
-        }),
-        tokens: Some(tokens),
-    })
-}
-
 fn percent(text: &str) -> Result<f64, String> {
     let percent = text.parse().ok();
     percent
@@ -158,7 +148,9 @@ async fn serve(
     raise_open_files();
     let mut asked = shutdown::flag("finishing the calls under way")?;
     let specification = store.specification().clone();
+    let serving = options.for_web(&for_coordinator);
     let coordinator = Coordinator::start(store, for_coordinator).await?;
+    let pages = pages::serve(&options.store, &coordinator, serving).await?;
     let there = *coordinator.progress().borrow();
     let views = specification.views.len() as u64;
     let left = (u64::from(there.counts.materials) * views).saturating_sub(there.images);
@@ -166,6 +158,9 @@ async fn serve(
         writeln!(io::stderr(), "{}", plan::line(&specification, left, None))?;
     }
     writeln!(io::stdout(), "listening on {}", coordinator.url())?;
+    if let Some(pages) = &pages {
+        writeln!(io::stdout(), "pages at {}", pages.url())?;
+    }
     let outcome = tokio::select! {
         () = shutdown::raised(&mut asked) => Ok(()),
         error = coordinator.failed() => Err(error.into()),
@@ -189,6 +184,9 @@ async fn serve(
         }
     };
     let progress = *coordinator.progress().borrow();
+    if let Some(pages) = pages {
+        pages.shutdown().await;
+    }
     coordinator.shutdown().await;
     let told = writeln!(
         io::stdout(),

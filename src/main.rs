@@ -17,6 +17,7 @@ mod farm_mode;
 mod jobs;
 mod jobs_resolve;
 mod output;
+mod pages;
 mod picture;
 mod plan;
 mod plural;

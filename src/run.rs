@@ -5,7 +5,7 @@ use crate::plural::count;
 use crate::progress::{self, FarmProgress};
 use crate::runtime::Runtime;
 use crate::shutdown::Stopped;
-use crate::{cores, plan, shutdown, specification, store_name};
+use crate::{cores, pages, plan, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{Coordinator, Progress, RunningCoordinator};
 use datastore::{AnyStore, BlobsPlace, ReadOnlyStore, StoreName};
@@ -13,6 +13,7 @@ use export::manifest::{Format, export};
 use jobqueue::Policy;
 use renderer::geometry::BackendChoice;
 use std::io::{self, Write};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::time::{Duration, Instant};
 use tokio::sync::watch;
@@ -59,6 +60,10 @@ pub struct Options {
     #[arg(long, default_value_t = limits::DISK_RESERVE_BYTES >> 20, value_name = "MIB",
           value_parser = clap::value_parser!(u64).range(..=1 << 30))]
     disk_reserve_mib: u64,
+    /// Serve pages for a browser at this address of this machine, such as 127.0.0.1:7118: the run, the
+    /// last images, and all materials
+    #[arg(long, value_name = "IP:PORT")]
+    web: Option<SocketAddr>,
     /// How to say how far the run is
     #[arg(long, value_enum, default_value = "text")]
     progress: progress::Style,
@@ -82,6 +87,9 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     let kept = || store_name::kept_specification(&options.store, &runtime);
     let specification = options.specification.load(kept)?;
     Coordinator::check(&specification, &options.for_coordinator())?;
+    if let Some(serving) = options.for_web() {
+        serving.check()?;
+    }
     let blobs = options.blobs.as_ref();
     let store = store_name::open_or_create(&options.store, &specification, blobs, &runtime)?;
     let workers = cores::count(options.workers);
@@ -156,6 +164,14 @@ fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
 }
 
 impl Options {
+    fn for_web(&self) -> Option<web::Options> {
+        Some(web::Options {
+            listen: self.web?,
+            security: Default::default(),
+            insecure: false,
+        })
+    }
+
     fn for_coordinator(&self) -> coordinator::Options {
         coordinator::Options {
             // The workers of an earlier run were part of its process, and nobody else knew its address.
@@ -180,6 +196,10 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
     let specification = store.specification().clone();
     let views = specification.views.len() as u64;
     let coordinator = Coordinator::start(store, options.for_coordinator()).await?;
+    let pages = pages::serve(&options.store, &coordinator, options.for_web()).await?;
+    if let Some(pages) = &pages {
+        writeln!(io::stderr(), "pages at {}", pages.url())?;
+    }
     let before = *coordinator.progress().borrow();
     let started = Instant::now();
     if before.is_finished() {
@@ -223,6 +243,9 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
     let progress = *coordinator.progress().borrow();
     for (material, errors) in coordinator.quarantined().await? {
         tracing::warn!(material, ?errors, "quarantined");
+    }
+    if let Some(pages) = pages {
+        pages.shutdown().await;
     }
     coordinator.shutdown().await;
     Ok(Rendered {

@@ -28,3 +28,4 @@ mod upload_slots;
 pub use options::Options;
 pub use report::Progress;
 pub use running::{Coordinator, CoordinatorError, RunningCoordinator, Services};
+pub use service::ControlService;

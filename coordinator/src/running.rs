@@ -223,6 +223,13 @@ impl Coordinator {
 }
 
 impl RunningCoordinator {
+    /// The service for people, for a caller in this process. Checks no role.
+    pub fn control(&self) -> ControlService {
+        ControlService {
+            farm: Arc::clone(&self.farm),
+        }
+    }
+
     /// The address it listens on.
     pub fn local_addr(&self) -> SocketAddr {
         self.address

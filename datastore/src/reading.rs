@@ -80,7 +80,7 @@ impl ReadOnlyStore {
     fn open_database(url: &str) -> Result<Self, StoreError> {
         let name = StoreName::Database(url.to_owned());
         let mut transcript = Transcript::begin(&records_place(&name))?;
-        let (specification, blobs) = shared::read(url, &mut |line| transcript.add(line))?;
+        let (specification, blobs) = shared::read(url, &[], &mut |line| transcript.add(line))?;
         let completions = Some(transcript.read()?);
         Ok(Self::of(name, specification, completions, blobs))
     }
@@ -118,6 +118,33 @@ impl ReadOnlyStore {
     /// The specification's hash.
     pub fn specification_hash(&self) -> Digest {
         self.specification_hash
+    }
+
+    /// Where its images are.
+    pub fn blobs(&self) -> &Blobs {
+        &self.blobs
+    }
+
+    /// Looks for what was completed, or is complete no longer, since it was opened or refreshed.
+    /// Returns the materials. Of a store in a database only new completions are seen: a material that
+    /// was known goes on to be what it was. Cannot be called inside a runtime if it is one.
+    ///
+    /// # Errors
+    /// When its records cannot be read.
+    pub fn refresh(&mut self) -> Result<Vec<u32>, StoreError> {
+        let path = match &self.name {
+            StoreName::Folder(path) => path,
+            StoreName::Database(url) => return refresh_database(url, self.completions.as_mut()),
+        };
+        let Some(completions) = &mut self.completions else {
+            let log = Completions::open(&log_path(path));
+            self.completions = match log {
+                Err(error) if error.source.kind() == io::ErrorKind::NotFound => None,
+                completions => Some(completions?),
+            };
+            return Ok(self.materials_complete().collect());
+        };
+        Ok(completions.read_on()?)
     }
 
     /// A material's completion, if it is complete.
@@ -184,6 +211,26 @@ impl ReadOnlyStore {
     pub fn has_files(&self) -> bool {
         self.blobs.objects().is_none()
     }
+}
+
+/// Adds what is complete in a database since to what was read of it.
+fn refresh_database(
+    url: &str,
+    completions: Option<&mut Completions>,
+) -> Result<Vec<u32>, StoreError> {
+    let Some(completions) = completions else {
+        return Ok(Vec::new());
+    };
+    let known: Vec<u32> = completions.materials().collect();
+    let mut more = Vec::new();
+    shared::read(url, &known, &mut |line| {
+        more.push(line.to_owned());
+        Ok(())
+    })?;
+    for json in more {
+        completions.add_to_transcript(&json)?;
+    }
+    Ok(completions.read_on()?)
 }
 
 /// What was read as an image, if it is that image.

@@ -59,6 +59,7 @@ impl Database {
     /// Tells every completion that counts.
     pub async fn completions<T, E: From<DatabaseError>>(
         &self,
+        _: &[u32],
         _: impl FnOnce(Option<Identity>) -> Result<T, E>,
         _: &mut dyn FnMut(&str) -> Result<(), E>,
     ) -> Result<T, E> {

@@ -22,9 +22,11 @@ impl Database {
     }
 
     /// Tells every completion that counts, as JSON, in the order of materials, all as they were at
-    /// one instant. `check` is asked first, whether the database is one to read.
+    /// one instant, but for those of the materials in `known`. `check` is asked first, whether the
+    /// database is one to read.
     pub async fn completions<T, E: From<DatabaseError>>(
         &self,
+        known: &[u32],
         check: impl FnOnce(Option<Identity>) -> Result<T, E>,
         tell: &mut dyn FnMut(&str) -> Result<(), E>,
     ) -> Result<T, E> {
@@ -41,7 +43,7 @@ impl Database {
             .await
             .map_err(|error| away(error.into()))?;
         let checked = check(identity(&transaction).await.map_err(away)?)?;
-        let mut rows = pin!(stream(&transaction).await.map_err(away)?);
+        let mut rows = pin!(stream(&transaction, known).await.map_err(away)?);
         while let Some(row) = rows.try_next().await.map_err(|error| away(error.into()))? {
             tell(row.get(0))?;
         }
@@ -58,12 +60,16 @@ async fn identity(transaction: &Transaction<'_>) -> Result<Option<Identity>, Fau
 }
 
 /// The rows come as they are asked for: those that nobody has read yet wait at the server.
-async fn stream(transaction: &Transaction<'_>) -> Result<tokio_postgres::RowStream, Fault> {
+async fn stream(
+    transaction: &Transaction<'_>,
+    known: &[u32],
+) -> Result<tokio_postgres::RowStream, Fault> {
     // As many as there are: how long that takes depends on who reads.
     transaction
         .batch_execute("SET LOCAL statement_timeout = 0")
         .await?;
-    let none: [&(dyn ToSql + Sync); 0] = [];
+    let known: Vec<i64> = known.iter().copied().map(i64::from).collect();
+    let parameters: [&(dyn ToSql + Sync); 1] = [&known];
     let statement = include_str!("sql/completions.sql");
-    Ok(transaction.query_raw(statement, none).await?)
+    Ok(transaction.query_raw(statement, parameters).await?)
 }

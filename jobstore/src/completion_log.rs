@@ -11,9 +11,9 @@ use imagestore::FileError;
 use jobqueue::Completion;
 use serde::{Deserialize, Serialize};
 use std::{
-    collections::BTreeMap,
+    collections::{BTreeMap, BTreeSet},
     fs::{File, OpenOptions},
-    io::{self, BufRead, BufReader, BufWriter, Read, Seek, Write},
+    io::{self, BufRead, BufReader, BufWriter, Read, Seek, SeekFrom, Write},
     os::unix::fs::FileExt,
     path::{Path, PathBuf},
 };
@@ -64,6 +64,8 @@ pub struct Completions {
     pub torn_bytes: u64,
     /// Bytes up to and with the last newline.
     pub whole_bytes: u64,
+    // Lines up to there.
+    lines: u64,
 }
 
 impl Completions {
@@ -74,10 +76,6 @@ impl Completions {
     }
 
     fn read(file: File, path: &Path) -> Result<Self, FileError> {
-        let mut reader = BufReader::with_capacity(
-            1 << 16,
-            file.try_clone().map_err(FileError::new("open", path))?,
-        );
         let mut found = Self {
             file,
             path: path.to_owned(),
@@ -85,35 +83,76 @@ impl Completions {
             bad_lines: Vec::new(),
             bad_line_count: 0,
             torn_bytes: 0,
+            lines: 0,
             whole_bytes: 0,
         };
+        found.read_on()?;
+        Ok(found)
+    }
+
+    /// Reads the lines that were appended since it was last read. Returns the materials that they are
+    /// about, in order.
+    ///
+    /// # Errors
+    /// When the file cannot be read, or is shorter than it was: somebody else's log then.
+    pub fn read_on(&mut self) -> Result<Vec<u32>, FileError> {
+        let unable = |source| FileError::new("read", &self.path)(source);
+        let length = self.file.metadata().map_err(unable)?.len();
+        if length < self.whole_bytes {
+            let why = "it is shorter than it was";
+            return Err(unable(io::Error::new(io::ErrorKind::InvalidData, why)));
+        }
+        let mut file = self.file.try_clone().map_err(unable)?;
+        file.seek(SeekFrom::Start(self.whole_bytes))
+            .map_err(unable)?;
+        let mut reader = BufReader::with_capacity(1 << 16, file);
+        let mut changed = BTreeSet::new();
+        self.torn_bytes = 0;
         let mut line = Vec::new();
-        for number in 1.. {
-            let read = read_line(&mut reader, &mut line).map_err(FileError::new("read", path))?;
+        loop {
+            let read = read_line(&mut reader, &mut line)
+                .map_err(|source| FileError::new("read", &self.path)(source))?;
             if read == 0 {
                 break;
             }
             if line.last() != Some(&b'\n') && !over_limit(&line) {
-                found.torn_bytes = read;
+                self.torn_bytes = read;
                 break;
             }
+            self.lines += 1;
             match decode(&line) {
                 Some(Entry::Completed(completion)) => {
                     let place = Place {
-                        offset: found.whole_bytes,
+                        offset: self.whole_bytes,
                         bytes: line.len() as u32,
                         image_bytes: completion.bytes(),
                     };
-                    found.places.insert(completion.material, place);
+                    self.places.insert(completion.material, place);
+                    changed.insert(completion.material);
                 }
                 Some(Entry::Retracted(Retraction { retracted })) => {
-                    found.places.remove(&retracted);
+                    self.places.remove(&retracted);
+                    changed.insert(retracted);
                 }
-                None => found.note_bad_line(number),
+                None => self.note_bad_line(self.lines),
             }
-            found.whole_bytes += read;
+            self.whole_bytes += read;
         }
-        Ok(found)
+        Ok(changed.into_iter().collect())
+    }
+
+    /// Adds a completion, as JSON, to what [`Transcript::read`] returned; [`Completions::read_on`]
+    /// then reads it. Of a log it would be a line that its writer does not know of.
+    ///
+    /// # Errors
+    /// When the transcript cannot be written.
+    pub fn add_to_transcript(&self, json: &str) -> Result<(), FileError> {
+        let line = format!("{} {json}\n", checksum(json.as_bytes()));
+        let appended = self
+            .file
+            .metadata()
+            .and_then(|metadata| self.file.write_all_at(line.as_bytes(), metadata.len()));
+        appended.map_err(FileError::new("add to the copy of", &self.path))
     }
 
     /// How many materials are complete.
@@ -298,6 +337,53 @@ mod tests {
     use super::*;
     use dataset::{CompletedView, ErrorStatistics, PixelStatistics};
     use std::fs;
+
+    #[test]
+    fn a_reader_sees_lines_that_are_appended_and_a_torn_one_when_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log");
+        let (mut log, _) = CompletionLog::open(&path).unwrap();
+        log.append([&completion(1), &completion(5)]).unwrap();
+        let mut reader = Completions::open(&path).unwrap();
+        assert!(reader.read_on().unwrap().is_empty());
+        let retracted = Entry::Retracted(Retraction { retracted: 1 });
+        log.append_entries(&[retracted, Entry::Completed(completion(3))])
+            .unwrap();
+        let mut lines = Vec::new();
+        encode(&Entry::Completed(completion(9)), &mut lines).unwrap();
+        let mut file = OpenOptions::new().append(true).open(&path).unwrap();
+        file.write_all(&lines[..40]).unwrap();
+        assert_eq!(reader.read_on().unwrap(), [1, 3]);
+        assert_eq!(reader.materials().collect::<Vec<_>>(), [3, 5]);
+        assert_eq!(reader.torn_bytes, 40);
+        file.write_all(&lines[40..]).unwrap();
+        assert_eq!(reader.read_on().unwrap(), [9]);
+        assert_eq!(reader.torn_bytes, 0);
+        assert_eq!(reader.get(9).unwrap(), Some(completion(9)));
+        file.write_all(b"noise\n").unwrap();
+        assert!(reader.read_on().unwrap().is_empty());
+        assert_eq!(reader.bad_lines, [6]);
+        fs::write(&path, b"").unwrap();
+        assert!(
+            reader
+                .read_on()
+                .unwrap_err()
+                .to_string()
+                .contains("shorter")
+        );
+    }
+
+    #[test]
+    fn what_is_added_to_a_transcript_is_read() {
+        let mut transcript = Transcript::begin(Path::new("a database")).unwrap();
+        let json = |material| serde_json::to_string(&completion(material)).unwrap();
+        transcript.add(&json(2)).unwrap();
+        let mut completions = transcript.read().unwrap();
+        completions.add_to_transcript(&json(4)).unwrap();
+        completions.add_to_transcript(&json(3)).unwrap();
+        assert_eq!(completions.read_on().unwrap(), [3, 4]);
+        assert_eq!(completions.get(4).unwrap(), Some(completion(4)));
+    }
 
     fn completion(material: u32) -> Completion {
         let view = |view: u8| CompletedView {

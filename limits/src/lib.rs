@@ -1,7 +1,8 @@
 //! Every limit of the farm, with its unit: the coordinator's here, what both sides of the protocol
-//! keep in [`protocol`], a worker's in [`worker`].
+//! keep in [`protocol`], a worker's in [`worker`], those of pages in a browser in [`web`].
 
 pub mod protocol;
+pub mod web;
 pub mod worker;
 
 use std::time::Duration;

@@ -1,5 +1,6 @@
 //! `brdfarm dataset`: what is done with a store once it is there.
 
+mod browse;
 mod diff;
 mod export;
 mod gc;
@@ -32,6 +33,7 @@ pub enum Command {
     Diff(diff::Options),
     Stats(stats::Options),
     Show(show::Options),
+    Browse(browse::Options),
     #[cfg(feature = "training")]
     Observability(observability::Options),
     Specification(specification::Options),
@@ -59,6 +61,7 @@ pub fn execute(command: &Command) -> anyhow::Result<()> {
         Command::Diff(options) => diff::execute(options),
         Command::Stats(options) => stats::execute(options),
         Command::Show(options) => show::execute(options),
+        Command::Browse(options) => browse::execute(options),
         #[cfg(feature = "training")]
         Command::Observability(options) => observability::execute(options),
         Command::Specification(options) => specification::execute(options),

@@ -1,7 +1,7 @@
 //! A picture to draw on.
 
+use ::picture::encode_png;
 use anyhow::Context;
-use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent};
 
 /// A picture of 8-bit sRGB, row by row from the top.
 pub struct Canvas {
@@ -29,18 +29,6 @@ impl Canvas {
 
     /// The picture as PNG.
     pub fn to_png(&self) -> anyhow::Result<Vec<u8>> {
-        let mut bytes = Vec::new();
-        let mut encoder = Encoder::new(&mut bytes, self.width, self.height);
-        encoder.set_color(ColorType::Rgb);
-        encoder.set_depth(BitDepth::Eight);
-        encoder.set_source_srgb(SrgbRenderingIntent::RelativeColorimetric);
-        let mut writer = encoder
-            .write_header()
-            .context("cannot encode the picture")?;
-        writer
-            .write_image_data(self.pixels.as_flattened())
-            .and_then(|()| writer.finish())
-            .context("cannot encode the picture")?;
-        Ok(bytes)
+        encode_png(self.width, self.height, &self.pixels, &[]).context("cannot encode the picture")
     }
 }

@@ -1,6 +1,7 @@
 //! Many images on one sheet: a row a material, a column a view, both numbered.
 
-use super::{canvas::Canvas, digits, to_srgb8};
+use super::{canvas::Canvas, digits};
+use ::picture::to_srgb8;
 
 /// Between tiles, in pixels.
 const GAP: u32 = 4;

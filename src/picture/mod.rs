@@ -6,8 +6,8 @@ mod digits;
 
 pub use contact_sheet::ContactSheet;
 
+use ::picture::{EXPOSURE_STOPS_MAX, to_srgb8};
 use canvas::Canvas;
-use export::product::{EXPOSURE_STOPS_MAX, to_srgb8};
 
 /// A picture of `values` (linear Rec.709, row by row), brightened by `exposure_stops`, as PNG.
 pub fn develop(

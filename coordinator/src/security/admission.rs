@@ -5,7 +5,7 @@
 //! Honest clients speak at once, so they get through however many are silent. Who has spoken is a
 //! stranger until a call is authorised (`strangers`).
 
-use super::strangers::{Peer, Strangers, Visit};
+use super::strangers::{Strangers, Visit};
 use std::{
     collections::VecDeque,
     io,
@@ -23,18 +23,20 @@ use tokio::{
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::transport::server::Connected;
 
+pub use super::strangers::Peer;
+
 /// How an HTTP/2 connection without TLS begins.
 const PREFACE_BYTES: usize = 24;
 
 /// A connection whose peer has spoken.
-pub(crate) struct Connection {
+pub struct Connection {
     stream: TcpStream,
     visit: Visit,
 }
 
 /// Listens on an address. The system's own queue is made long: where it overflows an honest client
 /// waits a second for its next try.
-pub(crate) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
+pub fn listen(address: SocketAddr) -> io::Result<TcpListener> {
     let socket = match address {
         SocketAddr::V4(_) => TcpSocket::new_v4()?,
         SocketAddr::V6(_) => TcpSocket::new_v6()?,
@@ -47,10 +49,7 @@ pub(crate) fn listen(address: SocketAddr) -> io::Result<TcpListener> {
 
 /// Accepts connections for ever. With `preface` peers have to have sent that of HTTP/2, not only a
 /// first byte.
-pub(crate) fn open(
-    listener: TcpListener,
-    preface: bool,
-) -> ReceiverStream<Result<Connection, io::Error>> {
+pub fn open(listener: TcpListener, preface: bool) -> ReceiverStream<Result<Connection, io::Error>> {
     let (admitted, connections) = mpsc::channel(1);
     tokio::spawn(accept(listener, preface, admitted));
     ReceiverStream::new(connections)
@@ -124,11 +123,18 @@ async fn welcome(stream: TcpStream, preface: bool) -> Option<TcpStream> {
     None
 }
 
+impl Connection {
+    /// Who is at the other end.
+    pub fn peer(&self) -> Peer {
+        self.visit.peer.clone()
+    }
+}
+
 impl Connected for Connection {
     type ConnectInfo = Peer;
 
     fn connect_info(&self) -> Peer {
-        self.visit.peer.clone()
+        self.peer()
     }
 }
 

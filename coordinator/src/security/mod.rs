@@ -7,7 +7,7 @@
 //! | `admission` | every connection: how many, and how long each may keep silent at first |
 //! | `strangers` | connections that have shown no token: how many, and how long |
 
-pub(crate) mod admission;
+pub mod admission;
 pub(crate) mod guard;
 mod strangers;
 mod tokens;

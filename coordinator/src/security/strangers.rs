@@ -48,7 +48,7 @@ struct State {
 
 /// The other end of a connection. It goes with every call.
 #[derive(Clone)]
-pub(crate) struct Peer(Arc<PeerState>);
+pub struct Peer(Arc<PeerState>);
 
 struct PeerState {
     number: u64,

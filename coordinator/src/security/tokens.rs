@@ -141,6 +141,11 @@ impl Tokens {
         Some(&self.0[index as usize].0)
     }
 
+    /// The role and the digest of each token.
+    pub fn digests(&self) -> impl Iterator<Item = (Role, &Digest)> {
+        self.0.iter().map(|(caller, digest)| (caller.role, digest))
+    }
+
     /// How many workers' credentials there are.
     pub fn worker_credentials(&self) -> usize {
         let callers = self.0.iter().map(|(caller, _)| caller);

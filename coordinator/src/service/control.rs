@@ -14,9 +14,9 @@ use tokio_stream::{
 };
 use tonic::{Request, Response, Status};
 
-/// The service for people over a farm.
-pub(crate) struct ControlService {
-    pub farm: Arc<Farm>,
+/// The service for people over a farm. Checks no role: its caller does.
+pub struct ControlService {
+    pub(crate) farm: Arc<Farm>,
 }
 
 #[tonic::async_trait]

@@ -5,7 +5,7 @@ mod control;
 mod farm;
 mod refusal;
 
-pub(crate) use control::ControlService;
+pub use control::ControlService;
 pub(crate) use farm::FarmService;
 pub(crate) use refusal::refuse;
 

@@ -1,21 +1,23 @@
 //! A shared store for those who only read.
 
-use super::{BlobsPlace, SharedStoreError, identity::known, waiting_runtime};
+use super::{BlobsPlace, SharedStoreError, identity, waiting_runtime};
 use dataset::Specification;
 use imagestore::{FileError, blobs::Blobs};
 use jobstore_postgres::Database;
 
 /// What a store in a database is about, its images for readers, and every completion that counts,
-/// told as JSON, all as it is at one instant. Waits; cannot be called inside a runtime.
+/// told as JSON, but for the materials in `known`, all as it is at one instant. Waits; cannot be
+/// called inside a runtime.
 pub fn read(
     url: &str,
+    known: &[u32],
     tell: &mut dyn FnMut(&str) -> Result<(), FileError>,
 ) -> Result<(Specification, Blobs), SharedStoreError> {
     let database = Database::new(url)?;
     let runtime = waiting_runtime()?;
     let name = database.name();
     let mut tell = |line: &str| Ok(tell(line)?);
-    let told = database.completions(|kept| known(name, kept), &mut tell);
+    let told = database.completions(known, |kept| identity::known(name, kept), &mut tell);
     let (specification, place) = runtime.block_on(told)?;
     Ok((specification, place.for_readers()?))
 }
@@ -25,6 +27,6 @@ pub async fn snapshot(
     url: &str,
 ) -> Result<(Database, Specification, BlobsPlace), SharedStoreError> {
     let database = Database::new(url)?;
-    let (specification, place) = known(database.name(), database.snapshot().await?)?;
+    let (specification, place) = identity::known(database.name(), database.snapshot().await?)?;
     Ok((database, specification, place))
 }

@@ -20,8 +20,6 @@ use dataset::{Specification, specification::Pixel};
 use datastore::{ImageFault, ReadOnlyStore};
 use imagestore::validation::decode;
 
-pub use preview::{EXPOSURE_STOPS_MAX, to_srgb8};
-
 /// What is made of every image, beside the image itself.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Products {

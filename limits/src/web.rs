@@ -1,0 +1,66 @@
+//! What the pages in a browser may cost.
+
+use std::time::Duration;
+
+/// The longest that somebody stays signed in.
+pub const SESSION: Duration = Duration::from_secs(12 * 3600);
+
+/// Sessions that ended early and are remembered until they would have ended by themselves.
+pub const SESSIONS_ENDED_MAX: usize = 10_000;
+
+/// The longest query of an address, bytes.
+pub const QUERY_BYTES_MAX: usize = 4096;
+
+/// The largest form, bytes.
+pub const FORM_BYTES_MAX: usize = 8192;
+
+/// How long the head of a request may take to arrive.
+pub const HEAD_DEADLINE: Duration = Duration::from_secs(10);
+
+/// How long an answer may take, but for one that streams events.
+pub const ANSWER_DEADLINE: Duration = Duration::from_secs(60);
+
+/// Completed materials that the catalogue holds, some 150 bytes each.
+pub const CATALOGUE_MATERIALS_MAX: usize = 300_000;
+
+/// Materials on a page.
+pub const MATERIALS_A_PAGE: usize = 48;
+
+/// Jobs on a page.
+pub const JOBS_A_PAGE: u32 = 50;
+
+/// How long the catalogue rests after it looked for new materials.
+pub const CATALOGUE_PAUSE: Duration = Duration::from_secs(1);
+
+/// The catalogue rests for this many times as long as its last look took, if that is longer.
+pub const CATALOGUE_PAUSE_TIMES: u32 = 20;
+
+/// The side of a thumbnail, pixels.
+pub const THUMBNAIL_SIDE: u32 = 112;
+
+/// Bytes of pictures that are kept in memory.
+pub const PICTURE_CACHE_BYTES: usize = 64 << 20;
+
+/// Pictures that are made at one time.
+pub const PICTURES_AT_ONCE: usize = 2;
+
+/// Requests that wait for a picture; more are refused.
+pub const PICTURES_WAITING_MAX: usize = 512;
+
+/// Pixels of an image whose values a page shows under the pointer, at 12 bytes each.
+pub const VIEWER_PIXELS_MAX: u64 = 1 << 20;
+
+/// Requests that wait for a rendering of stated errors; more are refused.
+pub const RENDERINGS_WAITING_MAX: usize = 8;
+
+/// Pages that are told at one time what happens.
+pub const LIVE_PAGES_MAX: usize = 512;
+
+/// How often pages are told, at most.
+pub const LIVE_PAUSE: Duration = Duration::from_secs(1);
+
+/// The last images on the farm's page.
+pub const LAST_IMAGES: usize = 24;
+
+/// Events on the farm's page.
+pub const LAST_EVENTS: usize = 30;

@@ -1,0 +1,131 @@
+//! The stated error of each pixel, as a map in colours. A store keeps statistics of it alone, so the
+//! image is rendered again, to the same bytes; one at a time, because rendering takes whole cores.
+
+use super::png;
+use crate::problem::Problem;
+use dataset::{Digest, Specification};
+use limits::web::RENDERINGS_WAITING_MAX;
+use renderer::{Renderer, Rendering, film::target, geometry::BackendChoice};
+use std::sync::{Arc, OnceLock};
+use tokio::{sync::Semaphore, task::spawn_blocking};
+
+/// Renders images again for their stated errors.
+pub struct ErrorRenderings {
+    specification: Arc<Specification>,
+    renderer: Arc<OnceLock<Result<Renderer, String>>>,
+    waiting: Semaphore,
+    turn: Arc<Semaphore>,
+}
+
+/// The colours of the map: from nothing over the tolerance to ten times it.
+pub struct ErrorMap;
+
+impl ErrorMap {
+    /// Errors over the tolerance at which a colour stands, and the colour: black to blue-green below
+    /// the tolerance, red to yellow above it. Between two of them colours are mixed by the logarithm.
+    pub const STOPS: [(f64, [u8; 3]); 5] = [
+        (0.001, [0, 0, 0]),
+        (0.1, [16, 78, 139]),
+        (1.0, [120, 200, 190]),
+        (1.000_001, [190, 30, 45]),
+        (10.0, [255, 225, 90]),
+    ];
+
+    /// The colour of an error over the tolerance.
+    pub fn colour(over_tolerance: f64) -> [u8; 3] {
+        let (first, last) = (Self::STOPS[0], Self::STOPS[Self::STOPS.len() - 1]);
+        if over_tolerance.is_nan() || over_tolerance >= last.0 {
+            return last.1;
+        }
+        for pair in Self::STOPS.windows(2) {
+            let [(low, from), (high, to)] = [pair[0], pair[1]];
+            if (low..high).contains(&over_tolerance) {
+                let share = libm::log(over_tolerance / low) / libm::log(high / low);
+                let mix = |index: usize| {
+                    let [from, to] = [from[index], to[index]].map(f64::from);
+                    (from + share * (to - from)).round() as u8
+                };
+                return [mix(0), mix(1), mix(2)];
+            }
+        }
+        first.1
+    }
+}
+
+impl ErrorRenderings {
+    /// Renderings of a dataset.
+    pub fn new(specification: Arc<Specification>) -> Self {
+        Self {
+            specification,
+            renderer: Arc::default(),
+            waiting: Semaphore::new(RENDERINGS_WAITING_MAX),
+            turn: Arc::new(Semaphore::new(1)),
+        }
+    }
+
+    /// The map of one image as PNG. Refused where the rendering has another digest than the image.
+    pub async fn render(
+        &self,
+        material: u32,
+        view: u32,
+        digest: Digest,
+    ) -> Result<Vec<u8>, Problem> {
+        let Ok(_waiting) = self.waiting.try_acquire() else {
+            return Err(Problem::busy("too many images are being rendered again"));
+        };
+        // A rendering cannot be interrupted, so it keeps its turn when its reader leaves.
+        let Ok(turn) = Arc::clone(&self.turn).acquire_owned().await else {
+            unreachable!("the semaphore is never closed");
+        };
+        let specification = Arc::clone(&self.specification);
+        let renderer = Arc::clone(&self.renderer);
+        let rendered = spawn_blocking(move || {
+            let _turn = turn;
+            let renderer = renderer.get_or_init(|| {
+                let renderer = Renderer::new(&specification, BackendChoice::Native);
+                renderer.map_err(|error| error.to_string())
+            });
+            let renderer = renderer.as_ref().map_err(Problem::broken)?;
+            let sampled = specification.material(material).material;
+            let rendering = renderer.render(&sampled, Some(material), view);
+            let rendering = rendering.map_err(|error| Problem::broken(error.to_string()))?;
+            if Digest::of(&rendering.exr) != digest {
+                return Err(Problem::gone(
+                    "the image does not come out the same when it is rendered again: check it with \
+                     `brdfarm dataset verify --rerender`",
+                ));
+            }
+            map(&rendering, &specification)
+        });
+        let rendered = rendered.await;
+        rendered.map_err(|_| Problem::broken("rendering was interrupted"))?
+    }
+}
+
+fn map(rendering: &Rendering, specification: &Specification) -> Result<Vec<u8>, Problem> {
+    let film = &rendering.film;
+    let colours: Vec<[u8; 3]> = film
+        .pixels
+        .iter()
+        .map(|pixel| ErrorMap::colour(pixel.error / target(&specification.accuracy, pixel.value)))
+        .collect();
+    png(film.width, film.height, &colours)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_rise_with_the_error_and_turn_red_at_the_tolerance() {
+        assert_eq!(ErrorMap::colour(0.0), [0, 0, 0]);
+        assert_eq!(ErrorMap::colour(0.1), [16, 78, 139]);
+        assert_eq!(ErrorMap::colour(0.999_999), [120, 200, 190]);
+        assert_eq!(ErrorMap::colour(1.000_001), [190, 30, 45]);
+        for over in [10.0, 1e9, f64::INFINITY, f64::NAN] {
+            assert_eq!(ErrorMap::colour(over), [255, 225, 90]);
+        }
+        let below = ErrorMap::colour(0.03);
+        assert!(below[2] > below[0] && below[2] < 139);
+    }
+}

@@ -1,0 +1,257 @@
+//! Connections, and TLS over them.
+
+use crate::{
+    access::Access,
+    live::LiveFarm,
+    router::{self, App},
+    site::Site,
+};
+use axum::Router;
+use coordinator::security::{
+    Security, Tls,
+    admission::{self, Connection, Peer},
+};
+use http::Request;
+use hyper::{body::Incoming, server::conn::http1, service::service_fn};
+use hyper_util::rt::{TokioIo, TokioTimer};
+use limits::{
+    SILENCE_MAX, STOP_GRACE,
+    web::{CATALOGUE_PAUSE, CATALOGUE_PAUSE_TIMES, HEAD_DEADLINE},
+};
+use std::{io, net::SocketAddr, sync::Arc, time::Instant};
+use thiserror::Error;
+use tokio::{
+    io::{AsyncRead, AsyncWrite},
+    sync::watch,
+    task::{JoinSet, spawn_blocking},
+    time::{sleep, timeout},
+};
+use tokio_rustls::{
+    TlsAcceptor,
+    rustls::{
+        self, ServerConfig,
+        pki_types::{CertificateDer, PrivateKeyDer, pem::PemObject},
+    },
+};
+use tokio_stream::{StreamExt, wrappers::ReceiverStream};
+use tower::ServiceExt;
+
+/// Where and how pages are served.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// The address to listen on; port 0 takes a free one.
+    pub listen: SocketAddr,
+    /// The certificate that pages are served under, and the tokens that let somebody in. No client's
+    /// certificate is asked for: browsers have none.
+    pub security: Security,
+    /// Whether an address that other machines reach may be served without them.
+    pub insecure: bool,
+}
+
+impl Options {
+    /// Whether pages may be served so; asked before a store is read.
+    ///
+    /// # Errors
+    /// When the address is exposed without consent.
+    pub fn check(&self) -> Result<(), ServeError> {
+        if self.listen.ip().is_loopback() || self.security.is_closed() || self.insecure {
+            Ok(())
+        } else {
+            Err(ServeError::Exposed(self.listen))
+        }
+    }
+}
+
+/// Why pages are not served.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// The address is for others to reach, and nothing protects it.
+    #[error(
+        "pages at {0} can be reached from other machines, and nothing protects them: pass \
+         --credentials, which `brdfarm credentials` makes, or listen on a loopback address, or pass \
+         --insecure where the network itself is trusted"
+    )]
+    Exposed(SocketAddr),
+    /// The address cannot be listened on.
+    #[error("cannot listen on {address}: {source}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The certificate or its key cannot be used.
+    #[error("the certificate or its key cannot be used: {0}")]
+    Certificate(String),
+}
+
+/// Pages being served. Dropping it ends them at once.
+pub struct RunningServer {
+    address: SocketAddr,
+    scheme: &'static str,
+    stop: watch::Sender<bool>,
+    tasks: JoinSet<()>,
+}
+
+impl RunningServer {
+    /// The first page.
+    pub fn url(&self) -> String {
+        format!("{}://{}/", self.scheme, self.address)
+    }
+
+    /// Takes no more requests, and lets those under way end.
+    pub async fn shutdown(mut self) {
+        self.stop.send_replace(true);
+        let ended = async { while self.tasks.join_next().await.is_some() {} };
+        if timeout(STOP_GRACE, ended).await.is_err() {
+            tracing::warn!("pages under way were cut off");
+        }
+    }
+}
+
+/// Serves the pages of a site. Has to be called inside a runtime.
+///
+/// # Errors
+/// When the address is exposed without consent or cannot be listened on, or the certificate cannot be
+/// used.
+pub async fn serve(site: Site, options: Options) -> Result<RunningServer, ServeError> {
+    options.check()?;
+    let Options {
+        listen, security, ..
+    } = options;
+    let tls = security.tls.as_ref().map(acceptor).transpose()?;
+    let unable = |source| ServeError::Listen {
+        address: listen,
+        source,
+    };
+    let listener = admission::listen(listen).map_err(unable)?;
+    let address = listener.local_addr().map_err(unable)?;
+    let (stop, stopping) = watch::channel(false);
+    let app = Arc::new(App {
+        site,
+        access: Access::new(security.tokens),
+        is_encrypted: tls.is_some(),
+        stopping: stopping.clone(),
+    });
+    let mut tasks = JoinSet::new();
+    tasks.spawn(keep_fresh(Arc::clone(&app), stopping.clone()));
+    tasks.spawn(LiveFarm::follow(Arc::clone(&app), stopping.clone()));
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let connections = admission::open(listener, false);
+    tasks.spawn(accept(connections, tls, router::router(app), stopping));
+    tracing::info!(%address, "pages are served");
+    Ok(RunningServer {
+        address,
+        scheme,
+        stop,
+        tasks,
+    })
+}
+
+fn acceptor(tls: &Tls) -> Result<TlsAcceptor, ServeError> {
+    let unusable = |error: &dyn std::fmt::Display| ServeError::Certificate(error.to_string());
+    let certificates = CertificateDer::pem_slice_iter(&tls.certificate)
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| unusable(&error))?;
+    let key = PrivateKeyDer::from_pem_slice(&tls.key).map_err(|error| unusable(&error))?;
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let config = ServerConfig::builder_with_provider(provider)
+        .with_safe_default_protocol_versions()
+        .map_err(|error| unusable(&error))?
+        .with_no_client_auth()
+        .with_single_cert(certificates, key);
+    let mut config = config.map_err(|error| unusable(&error))?;
+    config.alpn_protocols = vec![b"http/1.1".to_vec()];
+    Ok(TlsAcceptor::from(Arc::new(config)))
+}
+
+async fn accept(
+    mut connections: ReceiverStream<Result<Connection, io::Error>>,
+    tls: Option<TlsAcceptor>,
+    router: Router,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let mut visits = JoinSet::new();
+    loop {
+        let connection = tokio::select! {
+            connection = connections.next() => connection,
+            Some(_) = visits.join_next() => continue,
+            () = asked_to_stop(&mut stopping) => break,
+        };
+        let Some(Ok(connection)) = connection else {
+            break;
+        };
+        let (tls, router, stopping) = (tls.clone(), router.clone(), stopping.clone());
+        let peer = connection.peer();
+        visits.spawn(async move {
+            match tls {
+                None => converse(connection, peer, router, stopping).await,
+                Some(tls) => {
+                    // Whoever is too slow, or speaks no TLS, is put out without a word.
+                    if let Ok(Ok(stream)) = timeout(SILENCE_MAX, tls.accept(connection)).await {
+                        converse(stream, peer, router, stopping).await;
+                    }
+                }
+            }
+        });
+    }
+    drop(connections);
+    while visits.join_next().await.is_some() {}
+}
+
+async fn converse(
+    stream: impl AsyncRead + AsyncWrite + Unpin,
+    peer: Peer,
+    router: Router,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer.clone());
+        router.clone().oneshot(request)
+    });
+    let connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(HEAD_DEADLINE)
+        .max_buf_size(limits::HEADER_BYTES_MAX as usize)
+        .serve_connection(TokioIo::new(stream), service);
+    let mut connection = std::pin::pin!(connection);
+    let ended = tokio::select! {
+        ended = connection.as_mut() => Some(ended),
+        () = asked_to_stop(&mut stopping) => None,
+    };
+    let ended = match ended {
+        Some(ended) => ended,
+        None => {
+            connection.as_mut().graceful_shutdown();
+            connection.await
+        }
+    };
+    if let Err(error) = ended {
+        tracing::debug!(%error, "a browser's connection broke off");
+    }
+}
+
+/// Ends when the server is asked to stop, or dropped.
+async fn asked_to_stop(stopping: &mut watch::Receiver<bool>) {
+    drop(stopping.wait_for(|stopping| *stopping).await);
+}
+
+/// Looks for materials that were completed since, as long as pages are served.
+async fn keep_fresh(app: Arc<App>, mut stopping: watch::Receiver<bool>) {
+    let mut pause = CATALOGUE_PAUSE;
+    loop {
+        tokio::select! {
+            () = sleep(pause) => {}
+            () = asked_to_stop(&mut stopping) => return,
+        }
+        let looking = Arc::clone(&app);
+        let began = Instant::now();
+        let looked = spawn_blocking(move || looking.site.catalogue.refresh()).await;
+        match looked {
+            Ok(Ok(_)) => {}
+            Ok(Err(error)) => tracing::warn!(%error, "the pages do not show what is new"),
+            Err(error) => tracing::error!(%error, "looking for what is new was interrupted"),
+        }
+        pause = CATALOGUE_PAUSE.max(began.elapsed() * CATALOGUE_PAUSE_TIMES);
+    }
+}
