@@ -4,7 +4,7 @@ use dataset::Specification;
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
-const CASES: [(u32, u32, &str); 6] = [
+const CASES: [(u32, u32, &str); 7] = [
     (
         288,
         5,
@@ -34,6 +34,11 @@ const CASES: [(u32, u32, &str); 6] = [
         761,
         3,
         "dark pixels were told to be off by as much as the chart's brightest light",
+    ),
+    (
+        752,
+        5,
+        "tiles whose series were better than they had to be were worked out with a finer rule",
     ),
 ];
 

@@ -7,8 +7,11 @@ use dataset::specification::Accuracy;
 /// How a tiling divides what a tile may miss, and what a tile states beyond what it shows.
 #[derive(Clone, Copy, Debug)]
 pub struct Shares {
-    /// The share that the rule at a tile's middle may miss.
+    /// The share of what a tile may miss that the rule at its middle may miss. What that is more than
+    /// `beside`, the tile's series has to be better by.
     pub rule: f64,
+    /// A tile may state `doubt` and this times what it may miss.
+    pub beside: f64,
     /// What series along one row and one column of nodes leave out at a point counts by this share, before the
     /// other nodes are worked out.
     pub cross: f64,
@@ -23,6 +26,15 @@ pub struct Shares {
     /// A rule states this many times its difference from the next finer one, where no work is left for
     /// the rule that the tolerance asks for.
     pub unmet: f64,
+}
+
+impl Shares {
+    /// Whether a tile states no more than it may. Its series is off by `fit` and the rule at its middle by
+    /// `rule`. Of that no more than its share counts: halving the tile mends none of the rest.
+    pub(super) fn is_met(&self, fit: f64, rule: f64, allowed: f64) -> bool {
+        let rule = rule.min(self.rule * allowed);
+        self.doubt * fit + rule <= (self.doubt + self.beside) * allowed
+    }
 }
 
 /// What a function may be off by that no rule shows: the smaller of the two, or the one that is a number.

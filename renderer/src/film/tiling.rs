@@ -161,6 +161,8 @@ struct Rule {
     tolerance: Tolerance,
     /// What is stated to be missed in the tile's middle.
     missed: f64,
+    /// The part of it that the rule's difference from the next finer one shows.
+    own: f64,
     /// How many times its difference from the next finer one the rule states.
     times: f64,
 }
@@ -327,7 +329,7 @@ impl<S: Shade> Tiling<'_, S> {
         let (tile, fit) = self.basis.fit(*rectangle, values);
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         let FitError { mean, point } = self.fit_error(&tile, &fit, &rule, &mut function);
-        if mean <= allowed || effort == Effort::None {
+        if demand.shares.is_met(mean, rule.own, allowed) || effort == Effort::None {
             // Where the function is not resolved, what a series misses is no ripple from node to node.
             let is_resolved = mean <= RESOLVED * allowed;
             let fit_error = if is_resolved { mean } else { point };
@@ -442,10 +444,10 @@ impl<S: Shade> Tiling<'_, S> {
             let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
             if met || effort == Effort::None {
                 let times = if met { 1.0 } else { self.demand.shares.unmet };
-                let missed = stated + (times - 1.0) * missed;
                 return Rule {
                     tolerance,
-                    missed,
+                    missed: stated + (times - 1.0) * missed,
+                    own: missed,
                     times,
                 };
             }
@@ -459,6 +461,7 @@ impl<S: Shade> Tiling<'_, S> {
                     return Rule {
                         tolerance: check,
                         missed: stated,
+                        own: missed,
                         times: 1.0,
                     };
                 }
