@@ -14,6 +14,7 @@
 //! | `completion_log` | the log of a store that lay on a disk |
 //! | `ledger` | records of the queue that lay on a disk |
 //! | `credentials` | tokens, token files, certificates |
+//! | `address` | addresses, forms and cookies that a browser sends |
 //! | `command_line` | lists of indices, conditions on labels |
 //! | `material` | materials and questions about them as JSON |
 //! | `manifest` | manifests in three formats, and shards of images in two |
@@ -24,6 +25,7 @@
     reason = "a panic here is what is looked for: a finding"
 )]
 
+mod address;
 mod calls;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../../datastore/tests/store/cheap_image.rs"]
@@ -41,6 +43,7 @@ mod material;
 mod seeds;
 mod specification;
 
+pub use address::address;
 pub use calls::calls;
 pub use command_line::{condition, index_list};
 pub use completion_log::completion_log;
@@ -59,7 +62,8 @@ pub use specification::specification;
 pub type Target = fn(&[u8]) -> bool;
 
 /// All targets, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 16] = [
+pub const TARGETS: [(&str, Target); 17] = [
+    ("address", address),
     ("calls", calls),
     ("completion_log", completion_log),
     ("condition", condition),

@@ -51,6 +51,12 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ),
         ("index_list", b"3,5-9, 12 - 4294967295".to_vec()),
         (
+            "address",
+            b"roughness_max=20&split=test&where=ior+%3E+2&sort=-seconds&page=3".to_vec(),
+        ),
+        ("address", b"do=block&worker=a%20b&reason=dust".to_vec()),
+        ("address", b"state=quarantined&from=17".to_vec()),
+        (
             "tokens",
             format!(
                 "# a farm's\nworker {}\n\noperator {}\n",

@@ -32,6 +32,9 @@ pub const JOBS_A_PAGE: u32 = 50;
 /// How long the catalogue rests after it looked for new materials.
 pub const CATALOGUE_PAUSE: Duration = Duration::from_secs(1);
 
+/// The same for a store in a database, where looking costs a connection.
+pub const CATALOGUE_PAUSE_DATABASE: Duration = Duration::from_secs(10);
+
 /// The catalogue rests for this many times as long as its last look took, if that is longer.
 pub const CATALOGUE_PAUSE_TIMES: u32 = 20;
 
@@ -55,6 +58,10 @@ pub const RENDERINGS_WAITING_MAX: usize = 8;
 
 /// Pages that are told at one time what happens.
 pub const LIVE_PAGES_MAX: usize = 512;
+
+/// How long a page is told before it has to ask again, and to show who it is: somebody who signed out,
+/// or whose token is gone, is told no longer than this.
+pub const LIVE_SPAN: Duration = Duration::from_secs(120);
 
 /// How often pages are told, at most.
 pub const LIVE_PAUSE: Duration = Duration::from_secs(1);

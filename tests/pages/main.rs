@@ -1,11 +1,25 @@
 //! Pages in a browser, served by the real program over real sockets.
 
 mod browser;
+#[allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "other tests use the rest, and a panic here is a failed test"
+)]
+#[path = "../trust/images.rs"]
+mod images;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../trust/liars.rs"]
+mod liars;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
 mod security;
 mod steering;
+mod trouble;
+#[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
+#[path = "../trust/worker.rs"]
+mod worker;
 
 use browser::Browser;
 use process::Process;

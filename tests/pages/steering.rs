@@ -13,7 +13,7 @@ pub fn serving(folder: &Path, arguments: &str) -> (Process, String) {
 }
 
 /// A coordinator, its address and that of its pages.
-fn both(command: &mut Command, folder: &Path) -> (Process, String, String) {
+pub fn both(command: &mut Command, folder: &Path) -> (Process, String, String) {
     let out = folder.join("said");
     let file = fs::File::create(&out).expect("a file");
     let process = Process::spawn(command.stdout(Stdio::from(file)));

@@ -15,6 +15,10 @@ const NOT_TYPED: &[(&str, &str)] = &[
     ("cargo build ", "builds in release"),
     ("brdfarm estimate ", "needs two photographs"),
     (
+        "brdfarm dataset browse ",
+        "serves until it is stopped: tests/pages/ asks it for its pages",
+    ),
+    (
         "brdfarm render --material-file ",
         "needs the material found in the photographs",
     ),

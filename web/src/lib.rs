@@ -18,6 +18,7 @@ mod access;
 mod catalogue;
 mod images;
 mod live;
+pub mod outside;
 mod pages;
 mod plots;
 mod problem;

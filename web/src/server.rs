@@ -11,12 +11,13 @@ use coordinator::security::{
     Security, Tls,
     admission::{self, Connection, Peer},
 };
+use datastore::StoreName;
 use http::Request;
 use hyper::{body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use limits::{
     SILENCE_MAX, STOP_GRACE,
-    web::{CATALOGUE_PAUSE, CATALOGUE_PAUSE_TIMES, HEAD_DEADLINE},
+    web::{CATALOGUE_PAUSE, CATALOGUE_PAUSE_DATABASE, CATALOGUE_PAUSE_TIMES, HEAD_DEADLINE},
 };
 use std::{io, net::SocketAddr, sync::Arc, time::Instant};
 use thiserror::Error;
@@ -238,7 +239,11 @@ async fn asked_to_stop(stopping: &mut watch::Receiver<bool>) {
 
 /// Looks for materials that were completed since, as long as pages are served.
 async fn keep_fresh(app: Arc<App>, mut stopping: watch::Receiver<bool>) {
-    let mut pause = CATALOGUE_PAUSE;
+    let least = match app.site.store {
+        StoreName::Folder(_) => CATALOGUE_PAUSE,
+        StoreName::Database(_) => CATALOGUE_PAUSE_DATABASE,
+    };
+    let mut pause = least;
     loop {
         tokio::select! {
             () = sleep(pause) => {}
@@ -252,6 +257,6 @@ async fn keep_fresh(app: Arc<App>, mut stopping: watch::Receiver<bool>) {
             Ok(Err(error)) => tracing::warn!(%error, "the pages do not show what is new"),
             Err(error) => tracing::error!(%error, "looking for what is new was interrupted"),
         }
-        pause = CATALOGUE_PAUSE.max(began.elapsed() * CATALOGUE_PAUSE_TIMES);
+        pause = least.max(began.elapsed() * CATALOGUE_PAUSE_TIMES);
     }
 }

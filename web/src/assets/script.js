@@ -114,14 +114,21 @@ function renew(section, html) {
 function follow(sections) {
   const lost = document.getElementById("connection");
   const source = new EventSource("/live");
-  source.addEventListener("open", () => {
+  // The server ends each stream after a while, and the browser asks again: that is no trouble yet.
+  let patience = null;
+  const found = () => {
+    clearTimeout(patience);
+    patience = null;
     lost.hidden = true;
-  });
+  };
+  source.addEventListener("open", found);
   for (const section of sections) {
     source.addEventListener(section.dataset.live, (event) => renew(section, event.data));
   }
   source.addEventListener("error", () => {
-    lost.hidden = false;
+    patience ??= setTimeout(() => {
+      lost.hidden = false;
+    }, 3500);
     if (source.readyState !== EventSource.CLOSED) {
       // The browser tries again by itself.
       return;
@@ -133,6 +140,8 @@ function follow(sections) {
       if (answer?.type === "opaqueredirect") {
         location.reload();
       } else {
+        clearTimeout(patience);
+        lost.hidden = answer !== null && answer.ok;
         follow(sections);
       }
     }, 3000);

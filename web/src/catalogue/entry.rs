@@ -125,11 +125,27 @@ impl Field {
 }
 
 impl Entry {
-    /// Of a completion, with the labels that the specification gives the material.
-    pub fn new(specification: &Specification, completion: &Completion) -> Self {
-        let material = specification.material(completion.material).material;
+    /// The labels that the specification gives a material.
+    pub fn labels(specification: &Specification, material: u32) -> [f64; LABELS] {
+        let material = specification.material(material).material;
         let [r0, g0, b0] = material.rgb0;
         let [r90, g90, b90] = material.rgb90;
+        [
+            material.roughness,
+            material.anisotropy,
+            material.angle_deg,
+            material.ior,
+            r0,
+            g0,
+            b0,
+            r90,
+            g90,
+            b90,
+        ]
+    }
+
+    /// Of a completion, with the labels that the specification gives the material.
+    pub fn new(specification: &Specification, completion: &Completion) -> Self {
         let views = completion.views.iter();
         let largest = |of: fn(&dataset::ErrorStatistics) -> f64| {
             let views = completion.views.iter();
@@ -141,18 +157,7 @@ impl Entry {
         Self {
             material: completion.material,
             split: specification.split(completion.material),
-            labels: [
-                material.roughness,
-                material.anisotropy,
-                material.angle_deg,
-                material.ior,
-                r0,
-                g0,
-                b0,
-                r90,
-                g90,
-                b90,
-            ],
+            labels: Self::labels(specification, completion.material),
             seconds: completion.seconds,
             error: largest(|statistics| statistics.mean),
             missed: largest(|statistics| 1.0 - statistics.within_target),

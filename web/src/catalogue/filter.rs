@@ -260,29 +260,15 @@ mod tests {
     use proptest::prelude::*;
 
     fn entries(specification: &Specification, count: u32) -> Vec<Entry> {
-        let entry = |material: u32| {
-            let sampled = specification.material(material).material;
-            Entry {
-                material,
-                split: specification.split(material),
-                labels: [
-                    sampled.roughness,
-                    sampled.anisotropy,
-                    sampled.angle_deg,
-                    sampled.ior,
-                    sampled.rgb0[0],
-                    sampled.rgb0[1],
-                    sampled.rgb0[2],
-                    sampled.rgb90[0],
-                    sampled.rgb90[1],
-                    sampled.rgb90[2],
-                ],
-                seconds: f64::from(material % 7),
-                error: 1e-4,
-                missed: 0.0,
-                brightness: (!material.is_multiple_of(3)).then_some(f64::from(material % 5)),
-                bytes: 1,
-            }
+        let entry = |material: u32| Entry {
+            material,
+            split: specification.split(material),
+            labels: Entry::labels(specification, material),
+            seconds: f64::from(material % 7),
+            error: 1e-4,
+            missed: 0.0,
+            brightness: (!material.is_multiple_of(3)).then_some(f64::from(material % 5)),
+            bytes: 1,
         };
         (0..count).map(entry).collect()
     }

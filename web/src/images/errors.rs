@@ -1,10 +1,12 @@
 //! The stated error of each pixel, as a map in colours. A store keeps statistics of it alone, so the
-//! image is rendered again, to the same bytes; one at a time, because rendering takes whole cores.
+//! image is rendered again, to the same bytes: one at a time and on one thread, so that leases and
+//! completions have the other cores.
 
 use super::png;
 use crate::problem::Problem;
 use dataset::{Digest, Specification};
 use limits::web::RENDERINGS_WAITING_MAX;
+use rayon::{ThreadPool, ThreadPoolBuilder};
 use renderer::{Renderer, Rendering, film::target, geometry::BackendChoice};
 use std::sync::{Arc, OnceLock};
 use tokio::{sync::Semaphore, task::spawn_blocking};
@@ -12,9 +14,26 @@ use tokio::{sync::Semaphore, task::spawn_blocking};
 /// Renders images again for their stated errors.
 pub struct ErrorRenderings {
     specification: Arc<Specification>,
-    renderer: Arc<OnceLock<Result<Renderer, String>>>,
+    engine: Arc<OnceLock<Result<Engine, String>>>,
     waiting: Semaphore,
     turn: Arc<Semaphore>,
+}
+
+/// A renderer, and the one thread that it works on.
+struct Engine {
+    renderer: Renderer,
+    thread: ThreadPool,
+}
+
+impl Engine {
+    fn new(specification: &Specification) -> Result<Self, String> {
+        let renderer = Renderer::new(specification, BackendChoice::Native);
+        let thread = ThreadPoolBuilder::new().num_threads(1).build();
+        Ok(Self {
+            renderer: renderer.map_err(|error| error.to_string())?,
+            thread: thread.map_err(|error| error.to_string())?,
+        })
+    }
 }
 
 /// The colours of the map: from nothing over the tolerance to ten times it.
@@ -57,7 +76,7 @@ impl ErrorRenderings {
     pub fn new(specification: Arc<Specification>) -> Self {
         Self {
             specification,
-            renderer: Arc::default(),
+            engine: Arc::default(),
             waiting: Semaphore::new(RENDERINGS_WAITING_MAX),
             turn: Arc::new(Semaphore::new(1)),
         }
@@ -78,16 +97,13 @@ impl ErrorRenderings {
             unreachable!("the semaphore is never closed");
         };
         let specification = Arc::clone(&self.specification);
-        let renderer = Arc::clone(&self.renderer);
+        let engine = Arc::clone(&self.engine);
         let rendered = spawn_blocking(move || {
             let _turn = turn;
-            let renderer = renderer.get_or_init(|| {
-                let renderer = Renderer::new(&specification, BackendChoice::Native);
-                renderer.map_err(|error| error.to_string())
-            });
-            let renderer = renderer.as_ref().map_err(Problem::broken)?;
+            let engine = engine.get_or_init(|| Engine::new(&specification));
+            let Engine { renderer, thread } = engine.as_ref().map_err(Problem::broken)?;
             let sampled = specification.material(material).material;
-            let rendering = renderer.render(&sampled, Some(material), view);
+            let rendering = thread.install(|| renderer.render(&sampled, Some(material), view));
             let rendering = rendering.map_err(|error| Problem::broken(error.to_string()))?;
             if Digest::of(&rendering.exr) != digest {
                 return Err(Problem::gone(

@@ -27,7 +27,9 @@ pub struct History {
     pub completed: VecDeque<u32>,
     // When images were counted last, and how many there were.
     counted: Option<(Instant, u64)>,
-    // Since the start: the minute, and images completed in it.
+    // The minute in which images were counted first.
+    first: Option<u64>,
+    // Minutes since the start, and images completed in each; those without one may be absent.
     minutes: VecDeque<(u64, u64)>,
 }
 
@@ -48,6 +50,7 @@ impl History {
             events: VecDeque::new(),
             completed: VecDeque::new(),
             counted: None,
+            first: None,
             minutes: VecDeque::new(),
         }
     }
@@ -77,6 +80,7 @@ impl History {
         let before = self.counted.replace((now, images));
         let more = before.map_or(0, |(_, before)| images.saturating_sub(before));
         let minute = self.minute(now);
+        self.first.get_or_insert(minute);
         match self.minutes.back_mut() {
             Some((last, count)) if *last == minute => *count += more,
             _ => self.minutes.push_back((minute, more)),
@@ -91,8 +95,8 @@ impl History {
     pub fn points(&self, now: Instant) -> Vec<(f64, f64)> {
         let minute = self.minute(now);
         let oldest = minute.saturating_sub(MINUTES as u64);
-        // In the first minute the counting began somewhere.
-        let first = self.minutes.front().map_or(minute, |(first, _)| first + 1);
+        // In its first minute the counting began somewhere.
+        let first = self.first.map_or(minute, |first| first + 1);
         let of = |at: u64| {
             let found = self.minutes.iter().find(|(minute, _)| *minute == at);
             found.map_or(0, |(_, count)| *count)

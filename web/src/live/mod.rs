@@ -78,6 +78,10 @@ impl LiveFarm {
         if self.told.receiver_count() >= LIVE_PAGES_MAX {
             return Err(Problem::busy("too many pages are being told what happens"));
         }
+        if self.told.receiver_count() == 0 {
+            // What was told last is of when somebody looked last.
+            self.told.send_replace(Arc::default());
+        }
         Ok(self.told.subscribe())
     }
 

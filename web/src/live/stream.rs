@@ -5,8 +5,12 @@ use axum::{body::Body, response::Response};
 use bytes::Bytes;
 use futures_util::stream;
 use http::{HeaderValue, header};
+use limits::web::LIVE_SPAN;
 use std::{convert::Infallible, sync::Arc, time::Duration};
-use tokio::{sync::watch, time::timeout};
+use tokio::{
+    sync::watch,
+    time::{Instant, sleep_until, timeout},
+};
 
 /// How often a stream says that it is still there, so that neither side takes it for broken.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(15);
@@ -18,9 +22,11 @@ struct Told {
     variant: usize,
     last: Fragments,
     is_first: bool,
+    end: Instant,
 }
 
-/// The answer that goes on for as long as the page is open.
+/// The answer that goes on for as long as the page is open, up to [`LIVE_SPAN`]; then the browser asks
+/// again.
 pub fn stream(app: &App, news: watch::Receiver<Arc<[Fragments; 2]>>, variant: usize) -> Response {
     let told = Told {
         news,
@@ -28,6 +34,7 @@ pub fn stream(app: &App, news: watch::Receiver<Arc<[Fragments; 2]>>, variant: us
         variant,
         last: Fragments::default(),
         is_first: true,
+        end: Instant::now() + LIVE_SPAN,
     };
     let events = stream::unfold(told, |mut told| async move {
         let bytes = told.next().await?;
@@ -41,7 +48,7 @@ pub fn stream(app: &App, news: watch::Receiver<Arc<[Fragments; 2]>>, variant: us
 }
 
 impl Told {
-    /// The next event; none when pages are served no longer.
+    /// The next event; none when pages are served no longer, and at the end of its span.
     async fn next(&mut self) -> Option<Bytes> {
         if self.is_first {
             self.is_first = false;
@@ -61,6 +68,7 @@ impl Told {
                 }
             },
             _ = self.stopping.wait_for(|stopping| *stopping) => None,
+            () = sleep_until(self.end) => None,
         }
     }
 }

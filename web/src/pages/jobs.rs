@@ -163,7 +163,11 @@ fn row(job: &JobDetail, acts: bool) -> Markup {
             td.number { @if state == JobState::Leased { (job.views_done) } }
             td.text {
                 @for failure in &job.failures { div { (failure.worker) ": " (failure.error) } }
-                @if job.leases_lost > 0 { div { (job.leases_lost) " leases ran out" } }
+                @match job.leases_lost {
+                    0 => {}
+                    1 => div { "1 lease ran out" },
+                    lost => div { (lost) " leases ran out" },
+                }
             }
             @if acts {
                 td.actions {
