@@ -157,10 +157,12 @@ async fn serve(
     if left > 0 {
         writeln!(io::stderr(), "{}", plan::line(&specification, left, None))?;
     }
-    writeln!(io::stdout(), "listening on {}", coordinator.url())?;
+    let mut addresses = format!("listening on {}\n", coordinator.url());
     if let Some(pages) = &pages {
-        writeln!(io::stdout(), "pages at {}", pages.url())?;
+        addresses.push_str(&format!("pages at {}\n", pages.url()));
     }
+    // At once: whoever reads the first line may read no more.
+    io::stdout().write_all(addresses.as_bytes())?;
     let outcome = tokio::select! {
         () = shutdown::raised(&mut asked) => Ok(()),
         error = coordinator.failed() => Err(error.into()),

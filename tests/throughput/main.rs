@@ -19,6 +19,7 @@ mod cheap_image;
 mod costs;
 mod floods;
 mod memory;
+mod pages;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
@@ -217,6 +218,7 @@ fn simulate(load: &Load) -> Figures {
     // Images are made before the clock starts.
     let uploads = uploads(&specification);
     let coordinator = Coordinator::start(folder.path());
+    let pages_bytes = pages::open(&coordinator.pages_address, pages::wanted());
 
     let own_before = usage("self").seconds;
     let log = folder.path().join("store/completions.log");
@@ -227,6 +229,10 @@ fn simulate(load: &Load) -> Figures {
     let its = usage(&coordinator.process.id().to_string());
     let metrics = coordinator.metrics();
     coordinator.stop();
+    if pages::wanted() > 0 {
+        let told = pages_bytes.load(std::sync::atomic::Ordering::Relaxed) >> 20;
+        println!("{} pages were told {told} MB", pages::wanted());
+    }
 
     let store = ReadOnlyStore::open(&folder.path().join("store")).unwrap();
     assert_eq!(
@@ -483,24 +489,30 @@ struct Coordinator {
     process: Process,
     url: String,
     metrics_address: String,
+    pages_address: String,
 }
 
 impl Coordinator {
     fn start(folder: &Path) -> Self {
-        // A port that was free a moment ago.
-        let free = TcpListener::bind("127.0.0.1:0").unwrap();
-        let metrics_address = free.local_addr().unwrap().to_string();
+        // Ports that were free a moment ago.
+        let free = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
+        let [metrics_address, pages_address] =
+            [0, 1].map(|index: usize| free[index].local_addr().unwrap().to_string());
         drop(free);
         let mut command = Command::new(env!("CARGO_BIN_EXE_brdfarm"));
         command
             .current_dir(folder)
             .args(["coordinator", "serve", "--spec", "spec.toml"])
             .args(["--listen", "127.0.0.1:0", "--metrics", &metrics_address]);
+        if pages::wanted() > 0 {
+            command.args(["--web", &pages_address]);
+        }
         let (process, url) = Process::serving(&mut command).unwrap();
         Self {
             process,
             url,
             metrics_address,
+            pages_address,
         }
     }
 
