@@ -166,6 +166,7 @@ async fn serve(
     let outcome = tokio::select! {
         () = shutdown::raised(&mut asked) => Ok(()),
         error = coordinator.failed() => Err(error.into()),
+        why = pages::failed(pages.as_ref()) => Err(anyhow::anyhow!(why)),
         finished = coordinator.wait_until_finished(), if options.exit_when_complete => {
             coordinator.wait_for_workers_to_leave().await;
             finished.map_err(anyhow::Error::from).and_then(|progress| {

@@ -22,3 +22,11 @@ pub async fn serve(
     let site = site.with_farm(coordinator.control());
     Ok(Some(web::serve(site, options).await?))
 }
+
+/// Waits until pages stop working, if there are any.
+pub async fn failed(pages: Option<&RunningServer>) -> String {
+    match pages {
+        Some(pages) => pages.failed().await,
+        None => std::future::pending().await,
+    }
+}

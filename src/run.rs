@@ -236,7 +236,7 @@ async fn render(options: &Options, store: AnyStore, workers: usize) -> anyhow::R
         };
         working.spawn(work(url, worker_options, options.backend, stopping.clone()));
     }
-    let outcome = attend(&coordinator, &mut working, &bar, &mut asked).await;
+    let outcome = attend(&coordinator, &mut working, &bar, &mut asked, pages.as_ref()).await;
     stop.send_replace(true);
     while working.join_next().await.is_some() {}
     bar.clear();
@@ -276,6 +276,7 @@ async fn attend(
     working: &mut JoinSet<Result<(), WorkerError>>,
     bar: &FarmProgress,
     asked: &mut watch::Receiver<bool>,
+    pages: Option<&web::RunningServer>,
 ) -> anyhow::Result<bool> {
     let mut progress = coordinator.progress();
     let finished = coordinator.wait_until_finished();
@@ -288,6 +289,7 @@ async fn attend(
                 return Ok(false);
             }
             () = shutdown::raised(asked) => return Ok(true),
+            why = pages::failed(pages) => anyhow::bail!(why),
             Ok(()) = progress.changed() => {
                 if bar.show(&progress.borrow_and_update()).is_err() {
                     shutdown::note_reader_gone();

@@ -48,8 +48,11 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         let mut asked = shutdown::flag("finishing the answers under way")?;
         let server = web::serve(site, serving).await?;
         writeln!(io::stdout(), "browse at {}", server.url())?;
-        shutdown::raised(&mut asked).await;
+        let ended = tokio::select! {
+            () = shutdown::raised(&mut asked) => Ok(()),
+            why = server.failed() => Err(anyhow::anyhow!(why)),
+        };
         server.shutdown().await;
-        Ok(())
+        ended
     })
 }

@@ -12,6 +12,7 @@ use coordinator::security::{
     admission::{self, Connection, Peer},
 };
 use datastore::StoreName;
+use futures_util::FutureExt;
 use http::Request;
 use hyper::{body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -19,7 +20,7 @@ use limits::{
     SILENCE_MAX, STOP_GRACE,
     web::{CATALOGUE_PAUSE, CATALOGUE_PAUSE_DATABASE, CATALOGUE_PAUSE_TIMES, HEAD_DEADLINE},
 };
-use std::{io, net::SocketAddr, sync::Arc, time::Instant};
+use std::{io, net::SocketAddr, panic::AssertUnwindSafe, sync::Arc, time::Instant};
 use thiserror::Error;
 use tokio::{
     io::{AsyncRead, AsyncWrite},
@@ -91,6 +92,7 @@ pub struct RunningServer {
     address: SocketAddr,
     scheme: &'static str,
     stop: watch::Sender<bool>,
+    failure: watch::Sender<Option<String>>,
     tasks: JoinSet<()>,
 }
 
@@ -98,6 +100,13 @@ impl RunningServer {
     /// The first page.
     pub fn url(&self) -> String {
         format!("{}://{}/", self.scheme, self.address)
+    }
+
+    /// Waits until a part of it stops working, which takes a fault; says which and why.
+    pub async fn failed(&self) -> String {
+        let mut failure = self.failure.subscribe();
+        let failed = failure.wait_for(Option::is_some).await;
+        failed.map_or_else(|_| String::new(), |why| why.clone().unwrap_or_default())
     }
 
     /// Takes no more requests, and lets those under way end.
@@ -134,19 +143,37 @@ pub async fn serve(site: Site, options: Options) -> Result<RunningServer, ServeE
         is_encrypted: tls.is_some(),
         stopping: stopping.clone(),
     });
+    let failure = watch::channel(None).0;
     let mut tasks = JoinSet::new();
-    tasks.spawn(keep_fresh(Arc::clone(&app), stopping.clone()));
-    tasks.spawn(LiveFarm::follow(Arc::clone(&app), stopping.clone()));
+    let fresh = keep_fresh(Arc::clone(&app), stopping.clone());
+    tasks.spawn(watched("catalogue", fresh, failure.clone()));
+    let live = LiveFarm::follow(Arc::clone(&app), stopping.clone());
+    tasks.spawn(watched("live", live, failure.clone()));
     let scheme = if tls.is_some() { "https" } else { "http" };
     let connections = admission::open(listener, false);
-    tasks.spawn(accept(connections, tls, router::router(app), stopping));
+    let accepting = accept(connections, tls, router::router(app), stopping);
+    tasks.spawn(watched("connections", accepting, failure.clone()));
     tracing::info!(%address, "pages are served");
     Ok(RunningServer {
         address,
         scheme,
         stop,
+        failure,
         tasks,
     })
+}
+
+/// Runs a task, and tells if it panics.
+async fn watched(
+    name: &'static str,
+    task: impl Future<Output = ()>,
+    failure: watch::Sender<Option<String>>,
+) {
+    if AssertUnwindSafe(task).catch_unwind().await.is_err() {
+        let why = format!("the pages cannot go on: {name}: it panicked");
+        tracing::error!("{why}");
+        failure.send_replace(Some(why));
+    }
 }
 
 fn acceptor(tls: &Tls) -> Result<TlsAcceptor, ServeError> {

@@ -50,9 +50,11 @@ const _: () = assert!(
 );
 
 /// No lit pixel states less than this share of its target. Rules are compared with finer ones at a few
-/// points of a tile, and the pixels on an outline are sums of few points: elsewhere they miss up to 0.09
-/// of the target where nothing shows (measured against finer renderings: `survey`).
-const STATED_LEAST: f64 = 0.1;
+/// points of a tile, and the pixels on an outline are sums of few points: elsewhere they miss up to 0.17
+/// of the target where nothing shows. Measured against finer renderings (`survey` with `check`): with 0.1,
+/// 3 of 775 images of the preset had 1.4 to 1.7 percent of their pixels off by more than they state, next
+/// to the chart's image on the sample (materials 1817, 2618 and 3152).
+const STATED_LEAST: f64 = 0.2;
 
 /// The bulb's absolute tolerance, as a share of [`BULB_SHARE`]. Chosen: with it even pixels far below
 /// white are right to a fraction of the relative tolerance.

@@ -23,7 +23,7 @@ pub struct Catalogue {
 }
 
 /// The completed materials at one time.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Listing {
     /// In the order of their indices.
     pub entries: Vec<Entry>,
@@ -38,7 +38,7 @@ impl Catalogue {
     /// When the store cannot be read.
     pub fn new(store: ReadOnlyStore) -> Result<Self, StoreError> {
         let materials: Vec<u32> = store.materials_complete().collect();
-        let listing = listing(&store, BTreeMap::new(), &materials)?;
+        let listing = listing(&store, &Listing::default(), &materials)?;
         Ok(Self {
             store: Mutex::new(store),
             listing: RwLock::new(Arc::new(listing)),
@@ -68,10 +68,7 @@ impl Catalogue {
         if changed.is_empty() {
             return Ok(changed);
         }
-        let before = self.listing();
-        let before = before.entries.iter().cloned();
-        let before = before.map(|entry| (entry.material, entry)).collect();
-        let listing = listing(&store, before, &changed)?;
+        let listing = listing(&store, &self.listing(), &changed)?;
         *self.listing.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(listing);
         Ok(changed)
     }
@@ -85,11 +82,12 @@ impl Catalogue {
 /// The listing that `before` becomes when these materials changed.
 fn listing(
     store: &ReadOnlyStore,
-    before: BTreeMap<u32, Entry>,
+    before: &Listing,
     changed: &[u32],
 ) -> Result<Listing, StoreError> {
-    let mut entries = before;
-    let mut is_cut = false;
+    let kept = before.entries.iter().cloned();
+    let mut entries: BTreeMap<u32, Entry> = kept.map(|entry| (entry.material, entry)).collect();
+    let mut is_cut = before.is_cut;
     for material in changed.iter().copied() {
         let Some(completion) = store.completion(material)? else {
             entries.remove(&material);

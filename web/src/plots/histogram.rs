@@ -55,8 +55,8 @@ impl Histogram<'_> {
                             text x=(LEFT - 5.0) y=(y(value) + 3.5) text-anchor="end" { (label) }
                         }
                     }
-                    @for bin in 0..BINS {
-                        (self.bar(bin, &counts, series, &x, &y))
+                    @for (series, bars) in series.iter().zip(bars(&counts, &x, &y)) {
+                        path class=(series.class) d=(bars) {}
                     }
                     line.axis x1=(LEFT) x2=(WIDTH - RIGHT) y1=(y(0.0)) y2=(y(0.0)) {}
                     @for (value, label) in axis.labels() {
@@ -68,32 +68,6 @@ impl Histogram<'_> {
                     text transform=(format!("translate(11 {}) rotate(-90)", TOP + high / 2.0))
                         text-anchor="middle" { "materials" }
                 }
-            }
-        }
-    }
-
-    fn bar(
-        &self,
-        bin: usize,
-        counts: &[[usize; BINS]],
-        series: &[Series],
-        x: &impl Fn(f64) -> f64,
-        y: &impl Fn(f64) -> f64,
-    ) -> Markup {
-        let [left, right] = [bin, bin + 1].map(|edge| x(edge as f64 / BINS as f64));
-        let mut below = 0;
-        let mut parts = Vec::new();
-        for (counts, series) in counts.iter().zip(series) {
-            let upper = below + counts[bin];
-            if upper > below {
-                parts.push((series.class, [upper, below].map(|count| y(count as f64))));
-            }
-            below = upper;
-        }
-        html! {
-            @for (class, [top, bottom]) in parts {
-                rect x=(tenth(left + 0.5)) width=(tenth(right - left - 1.0))
-                    y=(top) height=(tenth(bottom - top)) class=(class) {}
             }
         }
     }
@@ -111,6 +85,27 @@ impl Histogram<'_> {
     }
 }
 
+/// Of each series its bars as one path: a rectangle for each bin, on those of the series before.
+fn bars(counts: &[[usize; BINS]], x: &impl Fn(f64) -> f64, y: &impl Fn(f64) -> f64) -> Vec<String> {
+    let mut below = [0; BINS];
+    let draw = |counts: &[usize; BINS]| {
+        let mut path = String::new();
+        for (bin, (count, below)) in counts.iter().zip(&mut below).enumerate() {
+            let upper = *below + count;
+            if upper > *below {
+                let [left, right] = [bin, bin + 1].map(|edge| x(edge as f64 / BINS as f64));
+                let [top, bottom] = [upper, *below].map(|count| y(count as f64));
+                let wide = tenth(right - left - 1.0);
+                let bar = format!("M{left} {bottom}V{top}h{wide}V{bottom}z");
+                path.push_str(&bar);
+            }
+            *below = upper;
+        }
+        path
+    };
+    counts.iter().map(draw).collect()
+}
+
 fn counted(axis: &Axis, values: &[f64]) -> [usize; BINS] {
     let mut counts = [0; BINS];
     for value in values {
@@ -123,6 +118,15 @@ fn counted(axis: &Axis, values: &[f64]) -> [usize; BINS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bars_stand_on_each_other() {
+        let mut counts = [[0; BINS]; 2];
+        (counts[0][0], counts[1][0], counts[1][23]) = (2, 1, 4);
+        let paths = bars(&counts, &|share| tenth(24.0 * share), &|count| 10.0 - count);
+        assert_eq!(paths[0], "M0 10V8h0V10z");
+        assert_eq!(paths[1], "M0 8V7h0V8zM23 10V6h0V10z");
+    }
 
     #[test]
     fn every_value_is_in_a_bar() {
