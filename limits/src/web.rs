@@ -50,6 +50,9 @@ pub const PICTURES_AT_ONCE: usize = 2;
 /// Requests that wait for a picture; more are refused.
 pub const PICTURES_WAITING_MAX: usize = 512;
 
+/// Bytes of images and pictures that are on their way to browsers.
+pub const SENDING_BYTES_MAX: usize = 256 << 20;
+
 /// Pixels of an image whose values a page shows under the pointer, at 12 bytes each.
 pub const VIEWER_PIXELS_MAX: u64 = 1 << 20;
 

@@ -23,6 +23,7 @@ mod pages;
 mod plots;
 mod problem;
 mod router;
+mod sending;
 mod server;
 mod site;
 

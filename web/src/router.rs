@@ -5,16 +5,17 @@ use crate::{
     live::{self, LiveFarm},
     pages::{self, Shown, action::Action},
     problem::Problem,
+    sending::Sending,
     site::Site,
 };
 use axum::{
     Router,
-    body::Body,
     extract::{Path, RawQuery, Request, State},
     middleware::{self, Next},
     response::{IntoResponse, Redirect, Response},
     routing::get,
 };
+use bytes::Bytes;
 use coordinator::security::admission::Peer;
 use dataset::CompletedView;
 use http::{HeaderMap, HeaderValue, Method, StatusCode, header};
@@ -28,6 +29,7 @@ pub struct App {
     pub site: Site,
     pub access: Access,
     pub is_encrypted: bool,
+    pub sending: Sending,
     pub stopping: watch::Receiver<bool>,
 }
 
@@ -299,7 +301,13 @@ async fn image(app: &Arc<App>, at: (String, String)) -> Result<(u32, u32, Comple
 }
 
 /// An answer that browsers keep, unless they have it: its name is what it was made from.
-fn kept(headers: &HeaderMap, name: &str, kind: &'static str, body: impl Into<Body>) -> Response {
+fn kept(
+    app: &App,
+    headers: &HeaderMap,
+    name: &str,
+    kind: &'static str,
+    bytes: impl Into<Bytes>,
+) -> Answer {
     let tag = format!("\"{name}\"");
     let tag = HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\""));
     let is_there = headers.get(header::IF_NONE_MATCH) == Some(&tag);
@@ -312,10 +320,11 @@ fn kept(headers: &HeaderMap, name: &str, kind: &'static str, body: impl Into<Bod
         (header::CONTENT_TYPE, HeaderValue::from_static(kind)),
     ];
     if is_there {
-        (StatusCode::NOT_MODIFIED, about).into_response()
-    } else {
-        (about, body.into()).into_response()
+        return Ok((StatusCode::NOT_MODIFIED, about).into_response());
     }
+    let bytes = bytes.into();
+    let length = [(header::CONTENT_LENGTH, HeaderValue::from(bytes.len()))];
+    Ok((about, length, app.sending.body(bytes)?).into_response())
 }
 
 async fn thumbnail(
@@ -326,7 +335,13 @@ async fn thumbnail(
     let (.., image) = image(&app, at).await?;
     let picture = app.site.images.thumbnail(&image).await?;
     let name = format!("small-{}", image.digest);
-    Ok(kept(&headers, &name, "image/png", picture.to_vec()))
+    kept(
+        &app,
+        &headers,
+        &name,
+        "image/png",
+        Bytes::from_owner(picture),
+    )
 }
 
 async fn developed(
@@ -339,7 +354,13 @@ async fn developed(
     let tenths = pages::material::exposure(&query.unwrap_or_default())?;
     let picture = app.site.images.developed(&image, tenths).await?;
     let name = format!("{tenths}-{}", image.digest);
-    Ok(kept(&headers, &name, "image/png", picture.to_vec()))
+    kept(
+        &app,
+        &headers,
+        &name,
+        "image/png",
+        Bytes::from_owner(picture),
+    )
 }
 
 async fn file(
@@ -350,7 +371,7 @@ async fn file(
     let (material, view, image) = image(&app, at).await?;
     let bytes = app.site.images.file(&image).await?;
     let name = image.digest.to_string();
-    let mut answer = kept(&headers, &name, "image/x-exr", bytes);
+    let mut answer = kept(&app, &headers, &name, "image/x-exr", bytes)?;
     let disposition = format!("attachment; filename=\"material-{material}-view-{view}.exr\"");
     if let Ok(disposition) = HeaderValue::from_str(&disposition) {
         let headers = answer.headers_mut();
@@ -378,7 +399,7 @@ async fn pixels(
         .flat_map(|value| value.to_le_bytes())
         .collect();
     let name = format!("pixels-{}", image.digest);
-    Ok(kept(&headers, &name, "application/octet-stream", bytes))
+    kept(&app, &headers, &name, "application/octet-stream", bytes)
 }
 
 async fn errors(
@@ -389,7 +410,13 @@ async fn errors(
     let (material, view, image) = image(&app, at).await?;
     let picture = app.site.images.errors(material, view, &image).await?;
     let name = format!("errors-{}", image.digest);
-    Ok(kept(&headers, &name, "image/png", picture.to_vec()))
+    kept(
+        &app,
+        &headers,
+        &name,
+        "image/png",
+        Bytes::from_owner(picture),
+    )
 }
 
 async fn login(

@@ -4,6 +4,7 @@ use crate::{
     access::Access,
     live::LiveFarm,
     router::{self, App},
+    sending::Sending,
     site::Site,
 };
 use axum::Router;
@@ -141,6 +142,7 @@ pub async fn serve(site: Site, options: Options) -> Result<RunningServer, ServeE
         site,
         access: Access::new(security.tokens),
         is_encrypted: tls.is_some(),
+        sending: Sending::default(),
         stopping: stopping.clone(),
     });
     let failure = watch::channel(None).0;

@@ -33,7 +33,7 @@ pub struct Images {
     specification: Arc<Specification>,
     blobs: Blobs,
     cache: Mutex<Cache<Picture>>,
-    at_once: Semaphore,
+    at_once: Arc<Semaphore>,
     waiting: Semaphore,
     errors: ErrorRenderings,
 }
@@ -46,7 +46,7 @@ impl Images {
             specification,
             blobs,
             cache: Mutex::new(Cache::new(PICTURE_CACHE_BYTES)),
-            at_once: Semaphore::new(PICTURES_AT_ONCE),
+            at_once: Arc::new(Semaphore::new(PICTURES_AT_ONCE)),
             waiting: Semaphore::new(PICTURES_WAITING_MAX),
         }
     }
@@ -144,10 +144,15 @@ impl Images {
         let Ok(_waiting) = self.waiting.try_acquire() else {
             return Err(Problem::busy("too many pictures are being made"));
         };
-        let Ok(_turn) = self.at_once.acquire().await else {
+        // What is under way cannot be interrupted, so it keeps its turn when its reader leaves.
+        let Ok(turn) = Arc::clone(&self.at_once).acquire_owned().await else {
             unreachable!("the semaphore is never closed");
         };
-        let done = spawn_blocking(work).await;
+        let done = spawn_blocking(move || {
+            let _turn = turn;
+            work()
+        });
+        let done = done.await;
         done.map_err(|_| Problem::broken("making the picture was interrupted"))?
     }
 
