@@ -4,13 +4,12 @@ use crate::connection::security;
 use crate::coordinator_health;
 use crate::plural::count;
 use crate::runtime::Runtime;
-use crate::{pages, plan, shutdown, specification, store_name};
+use crate::{open_files, pages, plan, shutdown, specification, store_name};
 use clap::{Args, Subcommand};
 use coordinator::Coordinator;
 use coordinator::security::Security;
 use datastore::{AnyStore, BlobsPlace, StoreName};
 use jobqueue::Policy;
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::io::{self, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -145,7 +144,7 @@ async fn serve(
     for_coordinator: coordinator::Options,
     store: AnyStore,
 ) -> anyhow::Result<()> {
-    raise_open_files();
+    open_files::raise();
     let mut asked = shutdown::flag("finishing the calls under way")?;
     let specification = store.specification().clone();
     let serving = options.for_web(&for_coordinator);
@@ -202,16 +201,4 @@ async fn serve(
     // A failure counts even where nobody reads the summary any more.
     outcome?;
     Ok(told?)
-}
-
-/// Raises the limit on open files, because each worker has a connection and the default limit is low.
-fn raise_open_files() {
-    let limit = getrlimit(Resource::Nofile);
-    let raised = Rlimit {
-        current: limit.maximum,
-        ..limit
-    };
-    if let Err(error) = setrlimit(Resource::Nofile, raised) {
-        tracing::warn!(%error, "the number of open files stays as it is");
-    }
 }

@@ -16,6 +16,7 @@ mod failure;
 mod farm_mode;
 mod jobs;
 mod jobs_resolve;
+mod open_files;
 mod output;
 mod pages;
 mod picture;

@@ -3,7 +3,7 @@
 use super::StoreOptions;
 use crate::connection::security;
 use crate::runtime::Runtime;
-use crate::shutdown;
+use crate::{open_files, shutdown};
 use clap::Args;
 use datastore::ReadOnlyStore;
 use std::io::{self, Write};
@@ -42,6 +42,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         insecure: options.insecure,
     };
     serving.check()?;
+    open_files::raise();
     let site = Site::new(ReadOnlyStore::open(&options.store.store)?)?;
     let runtime = Runtime::new()?;
     runtime.block_on(async {

@@ -14,7 +14,11 @@ mod liars;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
+mod replicas;
 mod security;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../../jobstore-postgres/src/testing.rs"]
+mod server;
 mod steering;
 mod trouble;
 #[allow(clippy::unwrap_used, reason = "a panic here is a failed test")]
