@@ -16,7 +16,11 @@ mod liars;
 mod process;
 mod replicas;
 mod security;
-#[allow(dead_code, reason = "other tests use the rest")]
+#[allow(
+    dead_code,
+    clippy::unwrap_used,
+    reason = "other tests use the rest, and a panic there is a failed test"
+)]
 #[path = "../../jobstore-postgres/src/testing.rs"]
 mod server;
 mod steering;

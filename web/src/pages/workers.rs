@@ -13,7 +13,12 @@ pub fn page(shown: &Shown<'_>, workers: &[WorkerDetail]) -> Markup {
         @if workers.is_empty() {
             p.empty { "No worker has been there." }
         } @else {
-            p.count { (grouped(workers.len() as u64)) " workers, those first that are there." }
+            p.count {
+                @match workers.len() {
+                    1 => { "1 worker." }
+                    count => { (grouped(count as u64)) " workers, those first that are there." }
+                }
+            }
             (table(workers, visitor))
         }
     };
