@@ -29,6 +29,12 @@ pub const MATERIALS_A_PAGE: usize = 48;
 /// Jobs on a page.
 pub const JOBS_A_PAGE: u32 = 50;
 
+/// Pages that are made, and records of the store that are read, at one time.
+pub const PAGES_AT_ONCE: usize = 4;
+
+/// Requests for pages and images that wait for these; more are refused.
+pub const PAGES_WAITING_MAX: usize = 1024;
+
 /// How long the catalogue rests after it looked for new materials.
 pub const CATALOGUE_PAUSE: Duration = Duration::from_secs(1);
 

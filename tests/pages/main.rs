@@ -1,6 +1,9 @@
 //! Pages in a browser, served by the real program over real sockets.
 
 mod browser;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../folder/mod.rs"]
+mod folder;
 #[allow(
     dead_code,
     clippy::unwrap_used,
@@ -11,10 +14,13 @@ mod images;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../trust/liars.rs"]
 mod liars;
+mod places;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
-mod replicas;
+#[allow(dead_code, reason = "other tests use the rest")]
+#[path = "../s3/mod.rs"]
+mod s3;
 mod security;
 #[allow(
     dead_code,

@@ -26,6 +26,7 @@ mod router;
 mod sending;
 mod server;
 mod site;
+mod threads;
 
 pub use server::{Options, RunningServer, ServeError, serve};
 pub use site::Site;

@@ -19,10 +19,11 @@ use bytes::Bytes;
 use coordinator::security::admission::Peer;
 use dataset::CompletedView;
 use http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use jobqueue::Completion;
 use limits::web::{ANSWER_DEADLINE, FORM_BYTES_MAX, QUERY_BYTES_MAX, VIEWER_PIXELS_MAX};
 use proto::Control;
 use std::sync::Arc;
-use tokio::{sync::watch, task::spawn_blocking, time::timeout};
+use tokio::{sync::watch, time::timeout};
 
 /// Everything that answers need.
 pub struct App {
@@ -233,48 +234,55 @@ async fn absent() -> Problem {
 
 async fn materials(
     State(app): State<Arc<App>>,
-    visitor: Option<axum::Extension<Visitor>>,
+    axum::Extension(visitor): axum::Extension<Visitor>,
     RawQuery(query): RawQuery,
 ) -> Answer {
-    let visitor = visitor.map(|visitor| visitor.0);
-    let page = spawn_blocking(move || {
-        pages::materials::page(&shown(&app, visitor.as_ref()), &query.unwrap_or_default())
-    });
-    Ok(page.await.map_err(|_| interrupted())?.into_response())
+    let query = query.unwrap_or_default();
+    let page = move |app: &App| Ok(pages::materials::page(&shown(app, Some(&visitor)), &query));
+    on_thread(&app, page).await
 }
 
 async fn coverage(
     State(app): State<Arc<App>>,
-    visitor: Option<axum::Extension<Visitor>>,
+    axum::Extension(visitor): axum::Extension<Visitor>,
 ) -> Answer {
-    let visitor = visitor.map(|visitor| visitor.0);
-    let page = spawn_blocking(move || pages::coverage::page(&shown(&app, visitor.as_ref())));
-    Ok(page.await.map_err(|_| interrupted())?.into_response())
+    let page = move |app: &App| {
+        let page = pages::coverage::page(&shown(app, Some(&visitor)));
+        Ok(page.into_response())
+    };
+    on_thread(&app, page).await
 }
 
 async fn material(
     State(app): State<Arc<App>>,
-    visitor: Option<axum::Extension<Visitor>>,
+    axum::Extension(visitor): axum::Extension<Visitor>,
     Path(material): Path<String>,
     RawQuery(query): RawQuery,
 ) -> Answer {
-    let visitor = visitor.map(|visitor| visitor.0);
     let material = number("material", &material)?;
-    let page = spawn_blocking(move || {
-        let completion = app.site.catalogue.completion(material);
-        let completion = completion.map_err(|error| Problem::broken(error.to_string()))?;
-        pages::material::page(
-            &shown(&app, visitor.as_ref()),
-            material,
-            completion.as_ref(),
-            &query.unwrap_or_default(),
-        )
-    });
-    Ok(page.await.map_err(|_| interrupted())??.into_response())
+    let query = query.unwrap_or_default();
+    let page = move |app: &App| {
+        let completion = completion(app, material)?;
+        let shown = shown(app, Some(&visitor));
+        let page = pages::material::page(&shown, material, completion.as_ref(), &query)?;
+        Ok(page.into_response())
+    };
+    on_thread(&app, page).await
 }
 
-fn interrupted() -> Problem {
-    Problem::broken("making the page was interrupted")
+/// Does what reads the store, or takes a while, on a thread that may.
+async fn on_thread<T: Send + 'static>(
+    app: &Arc<App>,
+    work: impl FnOnce(&App) -> Result<T, Problem> + Send + 'static,
+) -> Result<T, Problem> {
+    let working = Arc::clone(app);
+    app.site.threads.run(move || work(&working)).await
+}
+
+/// A material's completion, if it is complete. Blocks.
+fn completion(app: &App, material: u32) -> Result<Option<Completion>, Problem> {
+    let completion = app.site.catalogue.completion(material);
+    completion.map_err(|error| Problem::broken(error.to_string()))
 }
 
 fn number(what: &str, text: &str) -> Result<u32, Problem> {
@@ -286,10 +294,7 @@ fn number(what: &str, text: &str) -> Result<u32, Problem> {
 /// A stored image by the numbers in an address.
 async fn image(app: &Arc<App>, at: (String, String)) -> Result<(u32, u32, CompletedView), Problem> {
     let (material, view) = (number("material", &at.0)?, number("view", &at.1)?);
-    let looking = Arc::clone(app);
-    let completion = spawn_blocking(move || looking.site.catalogue.completion(material));
-    let completion = completion.await.map_err(|_| interrupted())?;
-    let completion = completion.map_err(|error| Problem::broken(error.to_string()))?;
+    let completion = on_thread(app, move |app| completion(app, material)).await?;
     let completion = completion
         .ok_or_else(|| Problem::absent(format!("material {material} is not complete")))?;
     let views = completion.views.len();

@@ -1,9 +1,10 @@
 //! What is shown: a store, and the farm that fills it, if there is one.
 
-use crate::{catalogue::Catalogue, images::Images, live::LiveFarm};
+use crate::{catalogue::Catalogue, images::Images, live::LiveFarm, threads::Threads};
 use coordinator::ControlService;
 use dataset::{Digest, Specification};
 use datastore::{ReadOnlyStore, StoreError, StoreName};
+use limits::web::{PAGES_AT_ONCE, PAGES_WAITING_MAX};
 use std::sync::Arc;
 
 /// A store, ready to be looked at, and the farm at work on it, if there is one.
@@ -14,6 +15,7 @@ pub struct Site {
     pub(crate) catalogue: Catalogue,
     pub(crate) images: Images,
     pub(crate) farm: Option<LiveFarm>,
+    pub(crate) threads: Threads,
 }
 
 impl Site {
@@ -30,6 +32,7 @@ impl Site {
             catalogue: Catalogue::new(store)?,
             specification,
             farm: None,
+            threads: Threads::new(PAGES_AT_ONCE, PAGES_WAITING_MAX),
         })
     }
 

@@ -3,20 +3,18 @@
 //! completions have the other cores.
 
 use super::png;
-use crate::problem::Problem;
+use crate::{problem::Problem, threads::Threads};
 use dataset::{Digest, Specification};
 use limits::web::RENDERINGS_WAITING_MAX;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use renderer::{Renderer, Rendering, film::target, geometry::BackendChoice};
 use std::sync::{Arc, OnceLock};
-use tokio::{sync::Semaphore, task::spawn_blocking};
 
 /// Renders images again for their stated errors.
 pub struct ErrorRenderings {
     specification: Arc<Specification>,
     engine: Arc<OnceLock<Result<Engine, String>>>,
-    waiting: Semaphore,
-    turn: Arc<Semaphore>,
+    threads: Threads,
 }
 
 /// A renderer, and the one thread that it works on.
@@ -77,29 +75,22 @@ impl ErrorRenderings {
         Self {
             specification,
             engine: Arc::default(),
-            waiting: Semaphore::new(RENDERINGS_WAITING_MAX),
-            turn: Arc::new(Semaphore::new(1)),
+            threads: Threads::new(1, RENDERINGS_WAITING_MAX),
         }
     }
 
-    /// The map of one image as PNG. Refused where the rendering has another digest than the image.
+    /// The map of one image as PNG, which `keep` is given as soon as it is there. Refused where the
+    /// rendering has another digest than the image.
     pub async fn render(
         &self,
         material: u32,
         view: u32,
         digest: Digest,
-    ) -> Result<Vec<u8>, Problem> {
-        let Ok(_waiting) = self.waiting.try_acquire() else {
-            return Err(Problem::busy("too many images are being rendered again"));
-        };
-        // A rendering cannot be interrupted, so it keeps its turn when its reader leaves.
-        let Ok(turn) = Arc::clone(&self.turn).acquire_owned().await else {
-            unreachable!("the semaphore is never closed");
-        };
+        keep: impl FnOnce(&Arc<[u8]>) + Send + 'static,
+    ) -> Result<Arc<[u8]>, Problem> {
         let specification = Arc::clone(&self.specification);
         let engine = Arc::clone(&self.engine);
-        let rendered = spawn_blocking(move || {
-            let _turn = turn;
+        let work = move || {
             let engine = engine.get_or_init(|| Engine::new(&specification));
             let Engine { renderer, thread } = engine.as_ref().map_err(Problem::broken)?;
             let sampled = specification.material(material).material;
@@ -111,10 +102,11 @@ impl ErrorRenderings {
                      `brdfarm dataset verify --rerender`",
                 ));
             }
-            map(&rendering, &specification)
-        });
-        let rendered = rendered.await;
-        rendered.map_err(|_| Problem::broken("rendering was interrupted"))?
+            let map: Arc<[u8]> = map(&rendering, &specification)?.into();
+            keep(&map);
+            Ok(map)
+        };
+        self.threads.run(work).await
     }
 }
 

@@ -4,7 +4,7 @@
 mod cache;
 mod errors;
 
-use crate::problem::Problem;
+use crate::{problem::Problem, threads::Threads};
 use cache::Cache;
 use dataset::{CompletedView, Specification};
 use datastore::{ImageFault, check_read};
@@ -13,7 +13,6 @@ use imagestore::{blobs::Blobs, validation::decode};
 use limits::web::{PICTURE_CACHE_BYTES, PICTURES_AT_ONCE, PICTURES_WAITING_MAX, THUMBNAIL_SIDE};
 use picture::{encode_png, to_srgb8};
 use std::sync::{Arc, Mutex, PoisonError};
-use tokio::{sync::Semaphore, task::spawn_blocking};
 
 pub use errors::ErrorMap;
 
@@ -32,9 +31,8 @@ pub enum Picture {
 pub struct Images {
     specification: Arc<Specification>,
     blobs: Blobs,
-    cache: Mutex<Cache<Picture>>,
-    at_once: Arc<Semaphore>,
-    waiting: Semaphore,
+    cache: Arc<Mutex<Cache<Picture>>>,
+    threads: Threads,
     errors: ErrorRenderings,
 }
 
@@ -45,9 +43,8 @@ impl Images {
             errors: ErrorRenderings::new(Arc::clone(&specification)),
             specification,
             blobs,
-            cache: Mutex::new(Cache::new(PICTURE_CACHE_BYTES)),
-            at_once: Arc::new(Semaphore::new(PICTURES_AT_ONCE)),
-            waiting: Semaphore::new(PICTURES_WAITING_MAX),
+            cache: Arc::new(Mutex::new(Cache::new(PICTURE_CACHE_BYTES))),
+            threads: Threads::new(PICTURES_AT_ONCE, PICTURES_WAITING_MAX),
         }
     }
 
@@ -59,7 +56,7 @@ impl Images {
     /// An image's file, as it was completed.
     pub async fn file(&self, image: &CompletedView) -> Result<Vec<u8>, Problem> {
         let (blobs, image) = (self.blobs.clone(), image.clone());
-        self.off_thread(move || read(&blobs, &image)).await
+        self.threads.run(move || read(&blobs, &image)).await
     }
 
     /// An image's pixels: linear Rec.709 in units of white, row by row from the top.
@@ -67,7 +64,7 @@ impl Images {
         let (blobs, image) = (self.blobs.clone(), image.clone());
         let specification = Arc::clone(&self.specification);
         let decoded = move || decoded(&blobs, &image, &specification);
-        self.off_thread(decoded).await
+        self.threads.run(decoded).await
     }
 
     /// A thumbnail as PNG.
@@ -108,13 +105,13 @@ impl Images {
         if let Some(kept) = self.cache().get(&picture) {
             return Ok(kept);
         }
-        let made: Arc<[u8]> = self
-            .errors
-            .render(material, view, image.digest)
-            .await?
-            .into();
-        self.cache().put(picture, Arc::clone(&made));
-        Ok(made)
+        let cache = Arc::clone(&self.cache);
+        // A rendering may take longer than its reader waits: whoever asks again finds it.
+        let keep = move |made: &Arc<[u8]>| {
+            let mut cache = cache.lock().unwrap_or_else(PoisonError::into_inner);
+            cache.put(picture, Arc::clone(made));
+        };
+        self.errors.render(material, view, image.digest, keep).await
     }
 
     async fn picture(
@@ -129,31 +126,12 @@ impl Images {
         let (blobs, image) = (self.blobs.clone(), image.clone());
         let specification = Arc::clone(&self.specification);
         let made: Arc<[u8]> = self
-            .off_thread(move || make(decoded(&blobs, &image, &specification)?))
+            .threads
+            .run(move || make(decoded(&blobs, &image, &specification)?))
             .await?
             .into();
         self.cache().put(picture, Arc::clone(&made));
         Ok(made)
-    }
-
-    /// Does what takes a while on a thread that may, a few at a time.
-    async fn off_thread<T: Send + 'static>(
-        &self,
-        work: impl FnOnce() -> Result<T, Problem> + Send + 'static,
-    ) -> Result<T, Problem> {
-        let Ok(_waiting) = self.waiting.try_acquire() else {
-            return Err(Problem::busy("too many pictures are being made"));
-        };
-        // What is under way cannot be interrupted, so it keeps its turn when its reader leaves.
-        let Ok(turn) = Arc::clone(&self.at_once).acquire_owned().await else {
-            unreachable!("the semaphore is never closed");
-        };
-        let done = spawn_blocking(move || {
-            let _turn = turn;
-            work()
-        });
-        let done = done.await;
-        done.map_err(|_| Problem::broken("making the picture was interrupted"))?
     }
 
     // Nothing that runs under the lock panics half way through a change.

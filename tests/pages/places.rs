@@ -1,7 +1,7 @@
-//! Two coordinators of one dataset in PostgreSQL, each with pages.
+//! Pages over a database and over a bucket.
 
 use crate::{
-    SPECIFICATION, brdfarm, browser::Browser, done, process::Process, security, server,
+    SPECIFICATION, brdfarm, browse, browser::Browser, done, process::Process, s3, security, server,
     steering::both,
 };
 use std::fs;
@@ -51,4 +51,52 @@ fn a_replica_takes_over_from_one_that_is_lost() {
     assert_eq!(image.header("content-type"), "image/png");
     two.post("/logout", "");
     assert_eq!(two.get_with("/farm", &[]).status, 401);
+
+    let (_process, browser) = browse(folder, &format!("--store {database}"));
+    let page = browser.get("/materials?sort=-roughness").page();
+    assert!(page.contains("7 complete materials."), "{page}");
+    assert_eq!(browser.get("/materials/2/views/0/image.exr").status, 200);
+}
+
+#[test]
+fn images_in_a_bucket_are_looked_at() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    fs::write(folder.join("spec.toml"), SPECIFICATION).expect("written");
+    let bucket = s3::Server::start(&folder.join("objects"));
+    let run = format!(
+        "run --spec spec.toml --backend native --blobs s3://{}/images",
+        s3::BUCKET
+    );
+    let with_keys = |arguments: &str| {
+        let mut command = brdfarm(folder, arguments);
+        command.envs(bucket.environment());
+        command
+    };
+    let rendered = with_keys(&run).output().expect("it runs");
+    let said = String::from_utf8_lossy(&rendered.stderr);
+    assert!(rendered.status.success(), "{said}");
+    let mut command = with_keys("dataset browse --listen 127.0.0.1:0");
+    let (_process, url) = Process::serving(&mut command).expect("pages");
+    let browser = Browser::new(&url);
+    assert!(
+        browser
+            .get("/materials")
+            .page()
+            .contains("7 complete materials.")
+    );
+    for path in ["image.exr", "thumbnail.png", "pixels", "errors.png"] {
+        let answer = browser.get(&format!("/materials/5/views/1/{path}"));
+        assert_eq!(
+            answer.status,
+            200,
+            "{path}: {}",
+            String::from_utf8_lossy(&answer.body)
+        );
+    }
+    // What the bucket does not give is said, and the labels are still there.
+    bucket.down(true);
+    let away = browser.get("/materials/5/views/2/image.exr");
+    assert_eq!(away.status, 500, "{}", String::from_utf8_lossy(&away.body));
+    assert!(browser.get("/materials/5").page().contains("Roughness"));
 }
