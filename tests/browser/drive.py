@@ -217,19 +217,52 @@ def pages(farm):
     yield from ["act?do=prioritize&material=3", "materials?page=x", "nothing"]
 
 
+def nothing_serious(browser, page):
+    """No serious finding of axe-core on the page that is open."""
+    browser.run(AXE.read_text() + "\n;window.axe = axe;")
+    found = browser.run_async(
+        "const done = arguments[arguments.length - 1];"
+        "axe.run().then((found) => done(found.violations.map((v) =>"
+        " [v.impact, v.id, v.nodes.slice(0, 3).map((n) => n.html)])))")
+    serious = [one for one in found if one[0] in ("serious", "critical")]
+    assert not serious, f"{page}: {serious}"
+
+
 def axe(farm, browser):
-    """No serious finding of axe-core on any page."""
-    script = AXE.read_text()
     for page in pages(farm):
         browser.open(farm.pages + page)
-        browser.run(script + "\n;window.axe = axe;")
-        found = browser.run_async(
-            "const done = arguments[arguments.length - 1];"
-            "axe.run().then((found) => done(found.violations.map((v) =>"
-            " [v.impact, v.id, v.nodes.slice(0, 3).map((n) => n.html)])))")
-        serious = [one for one in found if one[0] in ("serious", "critical")]
-        assert not serious, f"{page}: {serious}"
+        nothing_serious(browser, page)
     step(f"axe-core finds nothing serious on {len(list(pages(farm)))} pages")
+
+
+def signing_in(farm):
+    """With credentials a page asks for a token first, and goes on where somebody wanted to go."""
+    subprocess.run([PROGRAM, "credentials", "keys"], cwd=farm.folder, check=True, stdout=farm.log)
+    said = farm.folder / "browse"
+    server = farm.start(
+        ["dataset", "browse", "--listen", "127.0.0.1:0", "--credentials", "keys/coordinator"],
+        open(said, "w"),
+    )
+    farm.workers.append(server)
+    while "browse at " not in (line := said.read_text()):
+        time.sleep(0.05)
+    address = line.split()[-1]
+    for width in (400, 1600):
+        for dark in (False, True):
+            with Browser(width, 700, dark) as browser:
+                browser.open(address + "materials?sort=-ior")
+                assert browser.text("h1") == "Sign in", browser.text()
+                nothing_serious(browser, "login")
+                browser.screenshot(FOLDER / f"login-{width}-{'dark' if dark else 'light'}.png")
+                browser.press(*"wrong-token", ENTER)
+                browser.wait("refused", lambda: "not known" in browser.text())
+                browser.type("#token", (farm.folder / "keys/reader/token").read_text().strip())
+                browser.press(ENTER)
+                browser.wait("signed in", lambda: browser.address().endswith("sort=-ior"))
+                assert "reader" in browser.text("header")
+                browser.click(".account button")
+                browser.wait("signed out", lambda: browser.text("h1") == "Sign in")
+    step("signing in by keyboard leads on; a wrong token and signing out lead back")
 
 
 def screenshots(farm):
@@ -261,6 +294,7 @@ def main():
                 keyboard(farm, browser)
                 axe(farm, browser)
             screenshots(farm)
+            signing_in(farm)
         finally:
             farm.end()
     print("the pages hold in Chromium; screenshots are in", FOLDER)
