@@ -143,8 +143,9 @@ fn silent_connections_keep_nobody_out() {
     let folder = rendered();
     let (_process, browser) = browse(folder.path(), "");
     let mut silent = Vec::new();
-    raise_open_files();
-    for index in 0..5_000 {
+    // As many as the system lets this test have.
+    let wanted = raise_open_files().saturating_sub(200).min(5_000);
+    for index in 0..wanted {
         // The system may have no room for more at some instant.
         let Ok(mut stream) = TcpStream::connect(browser.authority()) else {
             continue;
@@ -155,7 +156,11 @@ fn silent_connections_keep_nobody_out() {
         }
         silent.push(stream);
     }
-    assert!(silent.len() > 4_900, "{}", silent.len());
+    assert!(
+        silent.len() as u64 > wanted * 49 / 50,
+        "{} of {wanted}",
+        silent.len()
+    );
     let began = Instant::now();
     browser.get("/materials").page();
     assert!(
@@ -166,13 +171,15 @@ fn silent_connections_keep_nobody_out() {
 }
 
 /// Each connection has a file at either end; the server raises its own limit.
-fn raise_open_files() {
+fn raise_open_files() -> u64 {
     let limit = getrlimit(Resource::Nofile);
     let raised = Rlimit {
         current: limit.maximum,
         ..limit
     };
     setrlimit(Resource::Nofile, raised).expect("a higher limit");
+    // None is no limit.
+    limit.maximum.unwrap_or(u64::MAX)
 }
 
 #[test]
