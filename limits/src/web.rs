@@ -17,6 +17,10 @@ pub const FORM_BYTES_MAX: usize = 8192;
 /// How long the head of a request may take to arrive.
 pub const HEAD_DEADLINE: Duration = Duration::from_secs(10);
 
+/// How long a connection lives: whoever reads an answer slowly, or not at all, holds its memory and its
+/// place no longer. A browser opens another.
+pub const CONNECTION_SPAN: Duration = Duration::from_secs(600);
+
 /// How long an answer may take, but for one that streams events.
 pub const ANSWER_DEADLINE: Duration = Duration::from_secs(60);
 

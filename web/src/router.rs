@@ -332,6 +332,11 @@ fn kept(
     Ok((about, length, app.sending.body(bytes)?).into_response())
 }
 
+/// A picture as [`kept`] answers it.
+fn png(app: &App, headers: &HeaderMap, name: &str, picture: Arc<[u8]>) -> Answer {
+    kept(app, headers, name, "image/png", Bytes::from_owner(picture))
+}
+
 async fn thumbnail(
     State(app): State<Arc<App>>,
     Path(at): Path<(String, String)>,
@@ -340,13 +345,7 @@ async fn thumbnail(
     let (.., image) = image(&app, at).await?;
     let picture = app.site.images.thumbnail(&image).await?;
     let name = format!("small-{}", image.digest);
-    kept(
-        &app,
-        &headers,
-        &name,
-        "image/png",
-        Bytes::from_owner(picture),
-    )
+    png(&app, &headers, &name, picture)
 }
 
 async fn developed(
@@ -359,13 +358,7 @@ async fn developed(
     let tenths = pages::material::exposure(&query.unwrap_or_default())?;
     let picture = app.site.images.developed(&image, tenths).await?;
     let name = format!("{tenths}-{}", image.digest);
-    kept(
-        &app,
-        &headers,
-        &name,
-        "image/png",
-        Bytes::from_owner(picture),
-    )
+    png(&app, &headers, &name, picture)
 }
 
 async fn file(
@@ -415,13 +408,7 @@ async fn errors(
     let (material, view, image) = image(&app, at).await?;
     let picture = app.site.images.errors(material, view, &image).await?;
     let name = format!("errors-{}", image.digest);
-    kept(
-        &app,
-        &headers,
-        &name,
-        "image/png",
-        Bytes::from_owner(picture),
-    )
+    png(&app, &headers, &name, picture)
 }
 
 async fn login(

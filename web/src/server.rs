@@ -19,7 +19,10 @@ use hyper::{body::Incoming, server::conn::http1, service::service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use limits::{
     SILENCE_MAX, STOP_GRACE,
-    web::{CATALOGUE_PAUSE, CATALOGUE_PAUSE_DATABASE, CATALOGUE_PAUSE_TIMES, HEAD_DEADLINE},
+    web::{
+        CATALOGUE_PAUSE, CATALOGUE_PAUSE_DATABASE, CATALOGUE_PAUSE_TIMES, CONNECTION_SPAN,
+        HEAD_DEADLINE,
+    },
 };
 use std::{io, net::SocketAddr, panic::AssertUnwindSafe, sync::Arc, time::Instant};
 use thiserror::Error;
@@ -212,7 +215,7 @@ async fn accept(
             break;
         };
         let (tls, router, stopping) = (tls.clone(), router.clone(), stopping.clone());
-        let peer = connection.peer();
+        let peer = Some(connection.peer());
         visits.spawn(async move {
             match tls {
                 None => converse(connection, peer, router, stopping).await,
@@ -229,14 +232,17 @@ async fn accept(
     while visits.join_next().await.is_some() {}
 }
 
+/// Answers one connection's requests until it ends, its time is over, or the server is asked to stop.
 async fn converse(
     stream: impl AsyncRead + AsyncWrite + Unpin,
-    peer: Peer,
+    peer: Option<Peer>,
     router: Router,
     mut stopping: watch::Receiver<bool>,
 ) {
     let service = service_fn(move |mut request: Request<Incoming>| {
-        request.extensions_mut().insert(peer.clone());
+        if let Some(peer) = peer.clone() {
+            request.extensions_mut().insert(peer);
+        }
         router.clone().oneshot(request)
     });
     let connection = http1::Builder::new()
@@ -248,6 +254,8 @@ async fn converse(
     let ended = tokio::select! {
         ended = connection.as_mut() => Some(ended),
         () = asked_to_stop(&mut stopping) => None,
+        // Nothing asks an answer that nobody reads to end: it goes with its connection.
+        () = sleep(CONNECTION_SPAN) => return,
     };
     let ended = match ended {
         Some(ended) => ended,
@@ -287,5 +295,34 @@ async fn keep_fresh(app: Arc<App>, mut stopping: watch::Receiver<bool>) {
             Err(error) => tracing::error!(%error, "looking for what is new was interrupted"),
         }
         pause = least.max(began.elapsed() * CATALOGUE_PAUSE_TIMES);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sending::Sending;
+    use axum::routing::get;
+    use limits::web::SENDING_BYTES_MAX;
+    use tokio::io::{AsyncWriteExt, duplex};
+
+    /// A reader asks for all that may be under way, and reads none of it: others get their answers
+    /// when its connection's time is over.
+    #[tokio::test(start_paused = true)]
+    async fn an_answer_that_nobody_reads_ends_with_its_connection() {
+        let sending = Arc::new(Sending::default());
+        let under_way = Arc::clone(&sending);
+        let answer = move || async move { under_way.body(vec![0; SENDING_BYTES_MAX]) };
+        let router = Router::new().route("/", get(answer));
+        let (mut reader, stream) = duplex(1024);
+        let (_stop, stopping) = watch::channel(false);
+        let connection = tokio::spawn(converse(stream, None, router, stopping));
+        let request = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n";
+        reader.write_all(request).await.unwrap();
+        sleep(CONNECTION_SPAN / 2).await;
+        assert!(sending.body(vec![0]).is_err());
+        connection.await.unwrap();
+        assert!(sending.body(vec![0]).is_ok());
+        drop(reader);
     }
 }

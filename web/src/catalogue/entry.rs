@@ -101,16 +101,13 @@ const fn label(
 
 const fn measured(
     name: &'static str,
-    label: &'static str,
+    title: &'static str,
     unit: &'static str,
     of: fn(&Entry) -> Option<f64>,
 ) -> Field {
     Field {
-        name,
-        label,
-        unit,
         is_label: false,
-        of,
+        ..label(name, title, unit, of)
     }
 }
 
