@@ -33,6 +33,10 @@ pub const MATERIALS_A_PAGE: usize = 48;
 /// Jobs on a page.
 pub const JOBS_A_PAGE: u32 = 50;
 
+/// How long jobs are looked through for a page. Jobs of a state may be far apart, and a database looks
+/// at few of them in one call.
+pub const JOBS_SEARCH: Duration = Duration::from_millis(100);
+
 /// Pages that are made, and records of the store that are read, at one time.
 pub const PAGES_AT_ONCE: usize = 4;
 

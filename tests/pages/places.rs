@@ -5,8 +5,11 @@ use crate::{
     steering::both,
 };
 use std::fs;
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::{Duration, Instant};
 use tokio::runtime::Runtime;
 
 /// A coordinator, its address, and its pages.
@@ -99,4 +102,68 @@ fn images_in_a_bucket_are_looked_at() {
     let away = browser.get("/materials/5/views/2/image.exr");
     assert_eq!(away.status, 500, "{}", String::from_utf8_lossy(&away.body));
     assert!(browser.get("/materials/5").page().contains("Roughness"));
+}
+
+/// How long a balancer leads connections to a replica that is lost, until its checks find that out.
+const FOUND_OUT: Duration = Duration::from_secs(6);
+
+/// Leads connections to the first of two replicas, and once that is lost, to the second. Returns its own
+/// address.
+fn balance(first: String, second: String) -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = listener.local_addr().expect("an address");
+    thread::spawn(move || {
+        let mut lost_at = None;
+        for client in listener.incoming().flatten() {
+            if let Ok(server) = TcpStream::connect(&first) {
+                forward(&client, &server);
+            } else if lost_at.get_or_insert_with(Instant::now).elapsed() > FOUND_OUT {
+                forward(&client, &TcpStream::connect(&second).expect("the second"));
+            }
+        }
+    });
+    address
+}
+
+/// Copies what either side says, until one ends.
+fn forward(client: &TcpStream, server: &TcpStream) {
+    for (from, to) in [(client, server), (server, client)] {
+        let socket = |of: &TcpStream| of.try_clone().expect("a socket");
+        let (mut from, mut to) = (socket(from), socket(to));
+        thread::spawn(move || {
+            // Whoever is killed resets its connections.
+            let _ = std::io::copy(&mut from, &mut to);
+            let _ = to.shutdown(Shutdown::Both);
+        });
+    }
+}
+
+/// A page in Chromium goes on through another replica: `tests/browser.sh` has the driver.
+#[test]
+#[ignore = "needs Chromium: run by tests/browser.sh"]
+fn a_replica_is_lost_in_chromium() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let specification = SPECIFICATION.replace("materials = 7", "materials = 400");
+    fs::write(folder.join("spec.toml"), specification).expect("written");
+    done(folder, "credentials keys");
+    let runtime = Runtime::new().expect("a runtime");
+    let database = runtime.block_on(server::fresh_schema());
+    let (first, _, one) = replica(folder, &database);
+    let (_second, url, two) = replica(folder, &database);
+    let [one, two] = [one, two].map(|browser| browser.authority().to_owned());
+    let balancer = balance(one, two);
+    let arguments = format!(
+        "worker connect {url} --threads 1 --backend native --name hand --credentials keys/worker"
+    );
+    let _worker = Process::spawn(brdfarm(folder, &arguments).stdout(Stdio::null()));
+    let driver = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/browser/replica.py");
+    let ended = Command::new("python3")
+        .args([driver, &format!("https://localhost:{}/", balancer.port())])
+        .args([
+            &security::token(folder, "operator"),
+            &first.id().to_string(),
+        ])
+        .status();
+    assert!(ended.expect("Python").success());
 }

@@ -21,7 +21,6 @@ use dataset::CompletedView;
 use http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use jobqueue::Completion;
 use limits::web::{ANSWER_DEADLINE, FORM_BYTES_MAX, QUERY_BYTES_MAX, VIEWER_PIXELS_MAX};
-use proto::Control;
 use std::sync::Arc;
 use tokio::{sync::watch, time::timeout};
 
@@ -177,9 +176,7 @@ async fn jobs(
     RawQuery(query): RawQuery,
 ) -> Answer {
     let wanted = pages::jobs::Wanted::parse(&query.unwrap_or_default())?;
-    let control = farm_of(&app)?.control();
-    let answer = control.list_jobs(tonic::Request::new(wanted.request()));
-    let answer = answer.await.map_err(live::problem)?.into_inner();
+    let answer = wanted.ask(farm_of(&app)?.control()).await?;
     let page = pages::jobs::page(&shown(&app, Some(&visitor)), &wanted, &answer);
     Ok(page.into_response())
 }

@@ -9,6 +9,7 @@ mod idle;
 mod maintenance;
 mod measure;
 mod model;
+mod pages;
 mod panics;
 mod plans;
 mod replicas;

@@ -1,10 +1,12 @@
 //! The jobs of a farm by state, page after page.
 
 use super::{Shown, action, layout};
-use crate::{access::Visitor, problem::Problem};
-use limits::web::JOBS_A_PAGE;
+use crate::{access::Visitor, live, problem::Problem};
+use coordinator::ControlService;
+use limits::web::{JOBS_A_PAGE, JOBS_SEARCH};
 use maud::{Markup, html};
-use proto::{Check, JobDetail, JobSelection, JobState, ListJobsRequest, ListJobsResponse};
+use proto::{Check, Control, JobDetail, JobSelection, JobState, ListJobsRequest, ListJobsResponse};
+use std::time::Instant;
 use url::form_urlencoded;
 
 /// Which jobs an address asks for.
@@ -62,8 +64,8 @@ impl Wanted {
         Ok(wanted)
     }
 
-    /// What to ask the coordinator.
-    pub fn request(&self) -> ListJobsRequest {
+    /// What to ask the coordinator first.
+    fn request(&self) -> ListJobsRequest {
         ListJobsRequest {
             selection: Some(JobSelection {
                 ranges: Vec::new(),
@@ -75,6 +77,30 @@ impl Wanted {
             }),
             from: self.from,
             jobs_max: JOBS_A_PAGE,
+        }
+    }
+
+    /// Asks the coordinator, again and again where it found too few, until the page is full, all jobs
+    /// were looked through, or the time for a page is over.
+    ///
+    /// # Errors
+    /// When the coordinator has no answer.
+    pub async fn ask(&self, control: &ControlService) -> Result<ListJobsResponse, Problem> {
+        let began = Instant::now();
+        let mut request = self.request();
+        let mut found = Vec::new();
+        loop {
+            let answer = control.list_jobs(tonic::Request::new(request.clone()));
+            let answer = answer.await.map_err(live::problem)?.into_inner();
+            found.extend(answer.jobs);
+            let wanted = JOBS_A_PAGE.saturating_sub(found.len() as u32);
+            match answer.next {
+                Some(next) if wanted > 0 && began.elapsed() < JOBS_SEARCH => {
+                    request.from = next;
+                    request.jobs_max = wanted;
+                }
+                next => return Ok(ListJobsResponse { jobs: found, next }),
+            }
         }
     }
 
@@ -112,11 +138,7 @@ pub fn page(shown: &Shown<'_>, wanted: &Wanted, answer: &ListJobsResponse) -> Ma
                 button type="submit" { "Show" }
             }
         }
-        @if answer.jobs.is_empty() {
-            p.empty { "There are no such jobs." }
-        } @else {
-            (table(&answer.jobs, acts))
-        }
+        (found(wanted, answer, acts))
         nav.pager aria-label="Pages of jobs" {
             @if wanted.from > 0 { a href=(wanted.address(0)) { "First" } }
             @if let Some(next) = answer.next {
@@ -125,6 +147,21 @@ pub fn page(shown: &Shown<'_>, wanted: &Wanted, answer: &ListJobsResponse) -> Ma
         }
     };
     layout::page(shown, Some(layout::Tab::Jobs), "Jobs", content)
+}
+
+/// The jobs that were found, and whether there may be others.
+fn found(wanted: &Wanted, answer: &ListJobsResponse, acts: bool) -> Markup {
+    html! {
+        @if !answer.jobs.is_empty() { (table(&answer.jobs, acts)) }
+        @match (answer.jobs.len(), answer.next) {
+            (0, None) => p.empty { "There are no such jobs." },
+            (count, Some(next)) if count < JOBS_A_PAGE as usize => p.empty {
+                "Materials " (wanted.from) " to " (next - 1) " were looked through. "
+                a href=(wanted.address(next)) { "Look further" }
+            },
+            _ => {}
+        }
+    }
 }
 
 fn table(jobs: &[JobDetail], acts: bool) -> Markup {
@@ -196,5 +233,27 @@ fn check(job: &JobDetail) -> String {
             format!(", contradicted by {}", job.contradicted_by)
         }
         _ => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_whose_time_was_over_does_not_say_that_there_are_none() {
+        let wanted = Wanted::parse("state=leased&from=3").expect("an address");
+        let nothing = |next| ListJobsResponse {
+            jobs: Vec::new(),
+            next,
+        };
+        let said = found(&wanted, &nothing(Some(64_000)), false).into_string();
+        assert!(
+            said.contains("Materials 3 to 63999 were looked through."),
+            "{said}"
+        );
+        assert!(said.contains("/jobs?state=leased&amp;from=64000"), "{said}");
+        let said = found(&wanted, &nothing(None), false).into_string();
+        assert!(said.contains("There are no such jobs."), "{said}");
     }
 }
