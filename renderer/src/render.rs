@@ -22,6 +22,7 @@ pub struct Renderer {
     specification_hash: Digest,
     views: Vec<ViewToRender>,
     interreflections: InterreflectionCache,
+    instructions: Instructions,
 }
 
 /// A view's scene and, where the hybrid integrator is asked for and can render it, the view prepared
@@ -32,13 +33,16 @@ struct ViewToRender {
     prepared: Option<PreparedView>,
 }
 
+/// A film, its light paths and evaluations, and what each phase took.
+type Work = (Film, u64, u64, Vec<PhaseTime>);
+
 /// A rendered view.
 #[derive(Clone, Debug)]
 pub struct Rendering {
     /// What identifies the image: its file's header.
     pub header: ImageHeader,
     /// The integrator that rendered the view: the path tracer also where the specification asks for
-    /// the hybrid integrator and that cannot render the view.
+    /// the hybrid integrator and that cannot render a view of a square.
     pub integrator: IntegratorKind,
     /// The pixels in full precision.
     pub film: Film,
@@ -110,6 +114,7 @@ impl Renderer {
             specification_hash: specification.hash(),
             views,
             interreflections: InterreflectionCache::default(),
+            instructions: Instructions::widest(),
         })
     }
 
@@ -117,6 +122,7 @@ impl Renderer {
     /// or later.
     #[must_use]
     pub fn with_instructions(mut self, instructions: Instructions) -> Self {
+        self.instructions = instructions;
         for view in &mut self.views {
             view.prepared = view
                 .prepared
@@ -170,21 +176,11 @@ impl Renderer {
                 .ok()
         });
         let integrator = match worked_out {
-            Some(_) => IntegratorKind::Hybrid,
-            None => IntegratorKind::Path,
+            None if !self.is_traced_to_accuracy() => IntegratorKind::Path,
+            _ => IntegratorKind::Hybrid,
         };
-        let (film, samples, evaluations, mut phases) = worked_out.unwrap_or_else(|| {
-            let mut phases = Vec::new();
-            let (film, samples) = timed(&mut phases, "trace", || {
-                path::render(
-                    &view_to_render.scene,
-                    &reflectance,
-                    &self.specification,
-                    key,
-                )
-            });
-            (film, samples, 0, phases)
-        });
+        let (film, samples, evaluations, mut phases) =
+            worked_out.unwrap_or_else(|| self.trace(&view_to_render.scene, &reflectance, key));
         check_pixels(&film, view)?;
         let exr = timed(&mut phases, "encode", || {
             exr_file::encode(
@@ -205,6 +201,27 @@ impl Renderer {
         })
     }
 
+    /// Whether the hybrid integrator is asked for and traces what it cannot work out.
+    fn is_traced_to_accuracy(&self) -> bool {
+        let is_square = self.specification.sample.shape.is_square();
+        self.specification.integrator.kind == IntegratorKind::Hybrid && !is_square
+    }
+
+    /// Renders a view by paths: the film, samples, evaluations and phases.
+    fn trace(&self, scene: &Scene, reflectance: &Reflectance, key: u64) -> Work {
+        let specification = &self.specification;
+        let mut phases = Vec::new();
+        let traced = timed(&mut phases, "trace", || {
+            if self.is_traced_to_accuracy() {
+                let instructions = self.instructions;
+                path::render_to_accuracy(scene, reflectance, specification, key, instructions)
+            } else {
+                path::render(scene, reflectance, specification, key)
+            }
+        });
+        (traced.film, traced.paths, traced.evaluations, phases)
+    }
+
     /// How bright a film is, with the pixels that its file has.
     fn brightness(&self, film: &Film, view: u32) -> PixelStatistics {
         let stored = exr_file::stored_pixels(film, self.specification.image.pixel);
@@ -221,7 +238,7 @@ impl Renderer {
         material: &Material,
         reflectance: &Reflectance,
         angles_deg: [f64; 2],
-    ) -> Result<(Film, u64, u64, Vec<PhaseTime>), Unresolved> {
+    ) -> Result<Work, Unresolved> {
         let mut phases = Vec::new();
         let interreflection = timed(&mut phases, "interreflection", || {
             self.interreflections.get(material, angles_deg, || {

@@ -68,6 +68,17 @@ impl Cone {
         x * (sin * cos_turn) + y * (sin * sin_turn) + self.axis * cos
     }
 
+    /// Whether it holds a unit direction.
+    pub fn holds(&self, direction: Vec3) -> bool {
+        1.0 - self.axis.dot(direction) <= self.one_minus_cos_max
+    }
+
+    /// The sphere's lowest and highest point above a plane through the apex with the unit normal `z`.
+    pub fn heights(&self, z: Vec3) -> [f64; 2] {
+        let middle = self.axis.dot(z) * self.distance;
+        [middle - self.radius, middle + self.radius]
+    }
+
     /// From the apex to the sphere along a unit direction of the cone.
     pub fn distance(&self, direction: Vec3) -> f64 {
         let along = self.axis.dot(direction);

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_1_SQRT_2;
 
 use proptest::prelude::*;
 use renderer::geometry::{
-    BackendChoice, BackendKind, EMBREE_PRIMITIVES_MIN, Geometry, GeometryError, Hit, Primitive,
-    PrimitiveId, Ray, Rectangle, Sphere,
+    BackendChoice, BackendKind, Cylinder, EMBREE_PRIMITIVES_MIN, Geometry, GeometryError, Hit,
+    Primitive, PrimitiveId, Ray, Rectangle, Sphere,
 };
 use renderer::vector::Vec3;
 
@@ -87,6 +87,44 @@ proptest! {
         let inside = to_centre.length() < radius;
         let side = out.dot(ray.direction);
         prop_assert!(if inside { side >= -slack } else { side <= slack }, "{side}");
+    }
+
+    #[test]
+    fn cylinder_is_hit_on_its_mantle(
+        start in vector(-100.0..100.0),
+        origin in vector(-100.0..100.0),
+        axis in vector(-1.0..1.0),
+        exponents in (-4.0..1.0, -4.0..2.0),
+        place in -0.2..1.2,
+        offset in prop_oneof![0.0..1.0, 0.999..1.001],
+    ) {
+        prop_assume!(axis.length() > 1e-3);
+        let axis = axis.normalized();
+        let (radius, length) = (libm::exp10(exponents.0), libm::exp10(exponents.1));
+        // A point at `offset` radii from the axis, seen at a right angle.
+        let beside = start + axis * (place * length);
+        let across = (beside - origin).cross(axis);
+        prop_assume!(across.length() > 1e-3 * (beside - origin).length());
+        let ray = towards(origin, beside + across.normalized() * (offset * radius));
+        let cylinder = Cylinder { start, axis, radius, length };
+        let hit = native(vec![Primitive::Cylinder(cylinder)]).intersect(&ray, None);
+        let along = |distance: f64| (ray.at(distance) - start).dot(axis);
+        let Some(hit) = hit else {
+            // Both ends of the chord are beyond the same end of the cylinder, or beyond either.
+            let half_chord = radius / axis.cross(ray.direction).length();
+            let reach = half_chord * axis.dot(ray.direction).abs() / length;
+            let is_within = (reach..1.0 - reach).contains(&place);
+            prop_assert!(offset > 0.99 || !is_within, "missed at {offset} radii, {place}");
+            return Ok(());
+        };
+        let place = along(hit.distance);
+        let scale = origin.length() + start.length() + radius + length + hit.distance;
+        let slack = SURFACE_ULPS_MAX * f64::EPSILON * scale;
+        prop_assert!((-slack..length + slack).contains(&place), "{place} of {length}");
+        prop_assert!((hit.u * length - place).abs() <= slack);
+        let out = ray.at(hit.distance) - start - axis * place;
+        let error = (out.length() - radius).abs();
+        prop_assert!(error <= slack, "{error:e} off the mantle at scale {scale}");
     }
 
     #[test]
@@ -287,6 +325,15 @@ fn primitive_that_makes_no_sense_is_refused() {
             1.0,
         ))
     };
+    let cylinder = |axis, radius, length| {
+        let start = Vec3::default();
+        Primitive::Cylinder(Cylinder {
+            start,
+            axis,
+            radius,
+            length,
+        })
+    };
     let (x, y) = ([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
     let mut rotated = unit_square(0.0);
     if let Primitive::Rectangle(rectangle) = &mut rotated {
@@ -299,6 +346,11 @@ fn primitive_that_makes_no_sense_is_refused() {
         sphere(0.0, f64::INFINITY),
         sphere(f64::NAN, 1.0),
         sphere(2e9, 1.0),
+        cylinder(Vec3::new(0.0, 0.0, 2.0), 1.0, 1.0),
+        cylinder(Vec3::new(0.0, 0.0, f64::NAN), 1.0, 1.0),
+        cylinder(Vec3::new(0.0, 0.0, 1.0), 0.0, 1.0),
+        cylinder(Vec3::new(0.0, 0.0, 1.0), 1.0, -1.0),
+        cylinder(Vec3::new(0.0, 0.0, 1.0), 1.0, f64::INFINITY),
         rectangle(x, y, 0.0),
         rectangle(x, y, f64::NAN),
         rectangle(x, y, 1e10),

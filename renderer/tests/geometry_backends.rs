@@ -6,7 +6,8 @@ use std::{env, hint, thread};
 
 use rayon::prelude::*;
 use renderer::geometry::{
-    BackendChoice, BackendKind, Geometry, Hit, Isa, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
+    BackendChoice, BackendKind, Cylinder, Geometry, Hit, Isa, Primitive, PrimitiveId, Ray,
+    Rectangle, Sphere,
 };
 use renderer::vector::Vec3;
 
@@ -54,7 +55,7 @@ fn scene(random: &mut Random, count: u32) -> Vec<Primitive> {
     let mut primitives: Vec<Primitive> = Vec::new();
     while primitives.len() < count as usize {
         let id = primitives.len() as u32;
-        primitives.push(match random.below(6) {
+        primitives.push(match random.below(8) {
             0 if id > 0 => primitives[random.below(id) as usize],
             1 => {
                 let (x, y) = (Vec3::new(1.0, 0.0, 0.0), Vec3::new(0.0, 1.0, 0.0));
@@ -68,6 +69,12 @@ fn scene(random: &mut Random, count: u32) -> Vec<Primitive> {
                 let corner = random.in_cube(1.0);
                 Primitive::Rectangle(Rectangle::new(corner, u_axis, v_axis, sides[0], sides[1]))
             }
+            4 | 5 => Primitive::Cylinder(Cylinder {
+                start: random.in_cube(1.0),
+                axis: random.direction(),
+                radius: random.between(0.003, 0.2),
+                length: random.between(0.01, 0.6),
+            }),
             _ => Primitive::Sphere(Sphere {
                 centre: random.in_cube(1.0),
                 radius: random.between(0.003, 0.25),
@@ -84,6 +91,10 @@ fn point_on(random: &mut Random, primitive: &Primitive) -> Vec3 {
             r.corner + r.u_axis * (u * r.u_length) + r.v_axis * (v * r.v_length)
         }
         Primitive::Sphere(s) => s.centre + random.direction() * s.radius,
+        Primitive::Cylinder(c) => {
+            let across = c.axis.cross(random.direction()).normalized();
+            c.start + c.axis * (random.between(0.0, 1.0) * c.length) + across * c.radius
+        }
     }
 }
 
@@ -113,6 +124,24 @@ fn brink_of(random: &mut Random, primitive: &Primitive, origin: Vec3) -> Vec3 {
             // The circle where lines from the origin touch the sphere.
             let across = out.cross(random.direction()).normalized();
             s.centre + out * sine_squared + across * (s.radius * (1.0 - sine_squared).sqrt())
+        }
+        Primitive::Cylinder(c) => {
+            let end = c.axis * (f64::from(random.below(2)) * c.length);
+            let out = origin - c.start;
+            let out = out - c.axis * out.dot(c.axis);
+            let sine_squared = c.radius * c.radius / out.length_squared();
+            if sine_squared >= 1.0 || random.below(2) == 0 {
+                let across = c.axis.cross(random.direction()).normalized();
+                return c.start + end + across * c.radius;
+            }
+            // A line where planes from the origin touch the mantle.
+            let across = out.cross(c.axis).normalized() * (c.radius * (1.0 - sine_squared).sqrt());
+            let side = if random.below(2) == 0 {
+                across
+            } else {
+                -across
+            };
+            c.start + c.axis * (random.between(0.0, 1.0) * c.length) + out * sine_squared + side
         }
     }
 }

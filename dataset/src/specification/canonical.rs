@@ -2,6 +2,7 @@
 
 use super::Specification;
 use crate::Digest;
+use serde::Serialize;
 use serde_json::Value;
 use std::fmt::Write;
 
@@ -9,10 +10,10 @@ use std::fmt::Write;
 pub(super) const UNHASHED_KEYS: [&str; 2] = ["name", "materials"];
 
 impl Specification {
-    /// All of the specification as canonical JSON: deterministic, and [`Self::from_json`] gives the
+    /// All of the specification as canonical JSON, but for a `sample.shape` that is `square`: deterministic, and [`Self::from_json`] gives the
     /// same value again.
     pub fn to_json(&self) -> String {
-        canonical_json(&self.tree())
+        canonical_json(&self.written())
     }
 
     /// The canonical form that [`Self::hash`] hashes: JSON as RFC 8785 writes it (keys sorted, no
@@ -22,7 +23,7 @@ impl Specification {
     /// image of a set of 12 materials so has the same bytes as that of the same material in the set
     /// of 9,000, and a store can grow without rendering anything again.
     pub fn canonical(&self) -> String {
-        let mut tree = self.tree();
+        let mut tree = self.written();
         if let Value::Object(fields) = &mut tree {
             for key in UNHASHED_KEYS {
                 fields.remove(key);
@@ -49,9 +50,20 @@ impl Specification {
 
     /// Every value by its key.
     pub(super) fn tree(&self) -> Value {
-        serde_json::to_value(self)
-            .unwrap_or_else(|_| unreachable!("numbers, texts and lists under texts are JSON"))
+        let mut tree = self.written();
+        tree["sample"]["shape"] = as_json(&self.sample.shape);
+        tree
     }
+
+    /// The values that are written, by their keys.
+    fn written(&self) -> Value {
+        as_json(self)
+    }
+}
+
+fn as_json(value: &impl Serialize) -> Value {
+    serde_json::to_value(value)
+        .unwrap_or_else(|_| unreachable!("numbers, texts and lists under texts are JSON"))
 }
 
 /// JSON with sorted keys and no spaces. It sorts by itself: whether serde_json's maps are sorted
@@ -120,6 +132,7 @@ pub(super) fn number_text(number: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::specification::Shape;
 
     #[test]
     fn numbers_print_as_in_rfc_8785() {
@@ -142,6 +155,24 @@ mod tests {
         for (bits, text) in published {
             assert_eq!(number_text(f64::from_bits(bits)), text);
         }
+    }
+
+    #[test]
+    fn a_square_is_not_written_and_other_shapes_are() {
+        let mut specification = Specification::preset();
+        for text in [
+            specification.canonical(),
+            specification.to_json(),
+            specification.to_toml(),
+        ] {
+            assert!(!text.contains("shape"), "{text}");
+        }
+        specification.sample.shape = Shape::Sphere;
+        assert_ne!(specification.hash(), Specification::preset().hash());
+        let read = Specification::from_json(&specification.to_json()).expect("JSON");
+        assert_eq!(read, specification);
+        let read = Specification::from_toml(&specification.to_toml(), "set.toml").expect("TOML");
+        assert_eq!(read, specification);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::{
     Accuracy, Camera, Checker, Image, Integrator, IntegratorKind, Light, Parameters, Pixel, Sample,
-    Specification, Tint, View,
+    Shape, Specification, Tint, View,
     error::SpecificationError,
     reader::{Field, Reader},
 };
@@ -48,7 +48,7 @@ table_field!(Integrator: kind, samples_per_pixel, max_bounces);
 table_field!(Parameters: roughness, anisotropy, angle_deg, ior);
 table_field!(Camera: distance_m, film_half_width);
 table_field!(Light: distance_m, radius_m, power_w, efficacy_lm_per_w);
-table_field!(Sample: side_m);
+table_field!(Sample: shape, side_m);
 table_field!(Checker: columns, rows, pitch_m, lower_edge_y_m, tilt_deg, patches_srgb8);
 table_field!(View: camera_elevation_deg, light_elevation_deg, rotation_deg, checker);
 table_field!(
@@ -83,6 +83,10 @@ macro_rules! choice_field {
 
 choice_field!(Tint, "\"hue\" or \"product\"": "hue" => Hue, "product" => Product);
 choice_field!(Pixel, "\"half\" or \"float\"": "half" => Half, "float" => Float);
+choice_field!(
+    Shape, "\"square\", \"sphere\" or \"cylinder\"":
+    "square" => Square, "sphere" => Sphere, "cylinder" => Cylinder
+);
 choice_field!(IntegratorKind, "\"hybrid\" or \"path\"": "hybrid" => Hybrid, "path" => Path);
 
 /// Beyond every type of integer here, and every limit.

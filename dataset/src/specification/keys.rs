@@ -4,8 +4,8 @@
 //! ranges.
 
 use super::{
-    IntegratorKind, Pixel, Specification, Tint, View, canonical::number_text, fields::PLAIN_VIEW,
-    limits,
+    IntegratorKind, Pixel, Shape, Specification, Tint, View, canonical::number_text,
+    fields::PLAIN_VIEW, limits,
 };
 use serde_json::Value;
 use std::ops::RangeInclusive;
@@ -144,7 +144,7 @@ const fn key(
     }
 }
 
-static KEYS: [Key; 33] = [
+static KEYS: [Key; 34] = [
     key(
         "",
         "name",
@@ -313,10 +313,20 @@ static KEYS: [Key; 33] = [
     ),
     key(
         "sample",
+        "shape",
+        "",
+        Rule::Choice(Shape::EXPECTED),
+        "The shape of the sample. `square` is flat, in the plane z = 0 with its centre at the origin. \
+         `sphere` and `cylinder` touch the origin from below, the cylinder along the x axis; the path \
+         tracer renders them.",
+    ),
+    key(
+        "sample",
         "side_m",
         "m",
         Rule::Float(|s| s.sample.side_m, limits::SAMPLE_SIDE_M),
-        "The side of the sample, a square in the plane z = 0 with its centre at the origin.",
+        "The side of the square, the diameter of the sphere or of the cylinder, and the length of the \
+         cylinder.",
     ),
     key(
         "checker",

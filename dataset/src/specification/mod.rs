@@ -47,7 +47,7 @@ pub struct Specification {
     pub camera: Camera,
     /// The bulb.
     pub light: Light,
-    /// The flat sample of the material.
+    /// The sample of the material.
     pub sample: Sample,
     /// The colour chart.
     pub checker: Checker,
@@ -180,12 +180,41 @@ pub struct Light {
     pub efficacy_lm_per_w: f64,
 }
 
-/// The square sample in z = 0, centred at the origin.
+/// The sample: a square in z = 0, centred at the origin, or a curved surface that touches it there
+/// from below, where its normal is +z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
-    /// The square's side.
+    /// Square, sphere or cylinder. A square is not written, so that specifications from before there
+    /// were others keep their hashes.
+    #[serde(default, skip_serializing_if = "Shape::is_square")]
+    pub shape: Shape,
+    /// The square's side, the diameter of sphere and cylinder, and the cylinder's length.
     pub side_m: f64,
+}
+
+/// The shape of a sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shape {
+    /// A flat square. The frame of the material is the world's.
+    #[default]
+    Square,
+    /// A sphere, its highest point at the origin. The frame of the material is the world's there, and
+    /// is carried along the meridians from it: at normal n it is turned by the smallest rotation that
+    /// takes +z to n.
+    Sphere,
+    /// The mantle of a cylinder that lies along x, its highest line on the x axis. The frame of the
+    /// material has its x along the cylinder.
+    Cylinder,
+}
+
+impl Shape {
+    /// Whether the sample is flat: films of it can be warped to a square, and the hybrid integrator
+    /// renders it.
+    pub fn is_square(&self) -> bool {
+        *self == Self::Square
+    }
 }
 
 /// The colour chart: Lambertian patches on a plane beyond the sample that rises away from it,

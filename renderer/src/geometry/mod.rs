@@ -1,4 +1,4 @@
-//! What rays meet: rectangles and spheres, behind two backends that give the same bits.
+//! What rays meet: rectangles, spheres and cylinders, behind two backends that give the same bits.
 //!
 //! The native backend tests the primitives one after another. Embree builds a hierarchy over
 //! them and leaves out those that a ray cannot meet; whether it meets the rest is decided by the
@@ -13,7 +13,7 @@ use std::sync::{Arc, Once};
 
 pub use backend::{BackendChoice, BackendKind, UnknownBackend};
 pub use embree::{EmbreeError, Isa, UnknownIsa};
-pub use primitive::{Hit, Primitive, PrimitiveId, Ray, Rectangle, Sphere};
+pub use primitive::{Cylinder, Hit, Primitive, PrimitiveId, Ray, Rectangle, Sphere};
 
 use embree::Scene;
 

@@ -1,4 +1,4 @@
-//! Rectangles and spheres, and where a ray meets them, in 64-bit floats.
+//! Rectangles, spheres and cylinders, and where a ray meets them, in 64-bit floats.
 //!
 //! Both backends decide every hit with the functions here, so their answers have the same bits.
 
@@ -178,15 +178,8 @@ impl Sphere {
         if discriminant.is_nan() || discriminant < 0.0 {
             return None;
         }
-        let half_chord = discriminant.sqrt();
         let product = to_centre.length_squared() - self.radius * self.radius;
-        let (near, far) = if along >= 0.0 {
-            let far = along + half_chord;
-            (product / far, far)
-        } else {
-            let near = along - half_chord;
-            (near, product / near)
-        };
+        let [near, far] = roots(along, discriminant.sqrt(), product);
         let distance = if near > 0.0 { near } else { far };
         (distance > 0.0 && distance <= distance_max).then_some(Intersection {
             distance,
@@ -212,6 +205,87 @@ impl Sphere {
     }
 }
 
+/// The mantle of a cylinder, seen from both sides: the points at `radius` from the axis whose place
+/// along it, from `start` on, is in [0, `length`). It has no lids.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cylinder {
+    /// Where the axis begins, in metres.
+    pub start: Vec3,
+    /// The unit vector along the axis.
+    pub axis: Vec3,
+    /// The radius, in metres.
+    pub radius: f64,
+    /// The length, in metres.
+    pub length: f64,
+}
+
+impl Cylinder {
+    /// As for a sphere, in the plane across the axis, where a ray of unit length is shorter.
+    fn intersect(&self, ray: &Ray, distance_max: f64) -> Option<Intersection> {
+        let across_axis = |v: Vec3| v - self.axis * v.dot(self.axis);
+        let direction = across_axis(ray.direction);
+        let to_axis = across_axis(self.start - ray.origin);
+        // A ray along the axis gives an infinity or a NaN, which no comparison lets through.
+        let scale = 1.0 / direction.length_squared();
+        let along = to_axis.dot(direction) * scale;
+        let across = to_axis - direction * along;
+        let radius_squared = self.radius * self.radius;
+        let discriminant = (radius_squared - across.length_squared()) * scale;
+        if discriminant.is_nan() || discriminant < 0.0 {
+            return None;
+        }
+        let product = (to_axis.length_squared() - radius_squared) * scale;
+        let at = |distance: f64| {
+            let place = (ray.at(distance) - self.start).dot(self.axis);
+            let is_met =
+                distance > 0.0 && distance <= distance_max && (0.0..self.length).contains(&place);
+            is_met.then(|| Intersection {
+                distance,
+                u: place / self.length,
+                v: 0.0,
+            })
+        };
+        let [near, far] = roots(along, discriminant.sqrt(), product);
+        at(near).or_else(|| at(far))
+    }
+
+    fn check(&self) -> Result<(), &'static str> {
+        let unit = (self.axis.length() - 1.0).abs() <= AXIS_TOLERANCE;
+        if !unit {
+            return Err("the axis of the cylinder is not of unit length");
+        }
+        if !(self.radius > 0.0 && self.length > 0.0) {
+            return Err("the radius or the length of the cylinder is not a positive number");
+        }
+        Ok(())
+    }
+
+    fn bounds(&self) -> Bounds {
+        let reach = Vec3::new(self.radius, self.radius, self.radius);
+        [self.start, self.start + self.axis * self.length]
+            .into_iter()
+            .fold(Bounds::EMPTY, |bounds, end| {
+                let around = Bounds {
+                    lower: end - reach,
+                    upper: end + reach,
+                };
+                bounds.union(around)
+            })
+    }
+}
+
+/// The roots `along` -+ `half_chord`, whose product is known: the one that would cancel is the quotient
+/// of the product and the other.
+fn roots(along: f64, half_chord: f64, product: f64) -> [f64; 2] {
+    if along >= 0.0 {
+        let far = along + half_chord;
+        [product / far, far]
+    } else {
+        let near = along - half_chord;
+        [near, product / near]
+    }
+}
+
 /// Something a ray can meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Primitive {
@@ -219,6 +293,8 @@ pub enum Primitive {
     Rectangle(Rectangle),
     /// A sphere.
     Sphere(Sphere),
+    /// The mantle of a cylinder.
+    Cylinder(Cylinder),
 }
 
 impl Primitive {
@@ -228,6 +304,7 @@ impl Primitive {
         match self {
             Self::Rectangle(rectangle) => rectangle.intersect(ray, distance_max),
             Self::Sphere(sphere) => sphere.intersect(ray, distance_max),
+            Self::Cylinder(cylinder) => cylinder.intersect(ray, distance_max),
         }
     }
 
@@ -236,6 +313,7 @@ impl Primitive {
         match self {
             Self::Rectangle(rectangle) => rectangle.check(),
             Self::Sphere(sphere) => sphere.check(),
+            Self::Cylinder(cylinder) => cylinder.check(),
         }?;
         if self.bounds().reach() <= COORDINATE_MAX_METRES {
             Ok(())
@@ -248,6 +326,7 @@ impl Primitive {
         match self {
             Self::Rectangle(rectangle) => rectangle.bounds(),
             Self::Sphere(sphere) => sphere.bounds(),
+            Self::Cylinder(cylinder) => cylinder.bounds(),
         }
     }
 }
@@ -267,9 +346,9 @@ pub struct Hit {
     pub distance: f64,
     /// What is hit; of several at the same distance the one of the lowest id.
     pub primitive: PrimitiveId,
-    /// Where on a rectangle, in [0, 1) along its `u_axis`; 0 on a sphere.
+    /// Where on a rectangle, in [0, 1) along its `u_axis`, or along a cylinder; 0 on a sphere.
     pub u: f64,
-    /// Where on a rectangle, in [0, 1) along its `v_axis`; 0 on a sphere.
+    /// Where on a rectangle, in [0, 1) along its `v_axis`; 0 on others.
     pub v: f64,
 }
 

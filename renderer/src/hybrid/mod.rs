@@ -12,7 +12,7 @@
 mod budget;
 mod chart_itself;
 mod chart_on_film;
-mod direct;
+pub(crate) mod direct;
 pub(crate) mod interreflection;
 #[cfg(test)]
 mod kinks;
@@ -39,10 +39,13 @@ pub struct PreparedView {
 }
 
 impl PreparedView {
-    /// Prepares a view; `None` where the hybrid integrator cannot render it: the sample or the chart
-    /// reaches behind the camera, the camera sees the bulb itself, or the bulb stands between chart
+    /// Prepares a view; `None` where the hybrid integrator cannot render it: the sample is curved, the
+    /// sample or the chart reaches behind the camera, the camera sees the bulb itself, or the bulb stands between chart
     /// and sample.
     pub fn new(scene: &Scene, specification: &Specification) -> Option<Self> {
+        if !specification.sample.shape.is_square() {
+            return None;
+        }
         if scene.camera.may_see(scene.bulb.centre, scene.bulb.radius) {
             return None;
         }

@@ -4,6 +4,7 @@
 //! that hits it is far off. So every surface is sampled on a part of the pixel that just holds its
 //! projection. A sample that meets another surface there counts nothing; that surface has its own.
 
+use crate::geometry::Cylinder;
 use crate::scene::PinholeCamera;
 use crate::vector::Vec3;
 use crate::warp::perpendiculars;
@@ -11,6 +12,14 @@ use std::f64::consts::PI;
 
 /// Sides of the polygons about a sphere's outline. Their areas differ by 1.5e-4 of either.
 const OUTLINE_SIDES: u32 = 256;
+
+/// A film larger than any.
+const EVERYWHERE: [[f64; 3]; 4] = [
+    [-1.0, -1.0, 1e-9],
+    [1.0, -1.0, 1e-9],
+    [1.0, 1.0, 1e-9],
+    [-1.0, 1.0, 1e-9],
+];
 
 /// The convex outline of a surface in homogeneous film coordinates: [`PinholeCamera::homogeneous`].
 #[derive(Clone, Debug)]
@@ -22,7 +31,10 @@ pub struct Outline {
 
 impl Outline {
     fn new(camera: &PinholeCamera, directions: impl Iterator<Item = Vec3>) -> Self {
-        let corners: Vec<[f64; 3]> = directions.map(|to| camera.homogeneous(to)).collect();
+        Self::of_corners(directions.map(|to| camera.homogeneous(to)).collect())
+    }
+
+    fn of_corners(corners: Vec<[f64; 3]>) -> Self {
         let in_front = corners.iter().all(|[_, _, depth]| *depth > 0.0);
         let bounds = [0, 1].map(|axis| {
             let positions = corners.iter().map(|corner| corner[axis] / corner[2]);
@@ -58,6 +70,35 @@ impl Outline {
             });
             Self::new(camera, corners)
         })
+    }
+
+    /// A polygon around the outline of a cylinder.
+    pub fn of_cylinder(camera: &PinholeCamera, cylinder: &Cylinder) -> Self {
+        let (x, y) = perpendiculars(cylinder.axis);
+        let radius = cylinder.radius / libm::cos(PI / f64::from(OUTLINE_SIDES));
+        let ends = [0.0, cylinder.length].map(|along| cylinder.start + cylinder.axis * along);
+        let corners = ends.into_iter().flat_map(|end| {
+            (0..OUTLINE_SIDES).map(move |side| {
+                let angle = 2.0 * PI * f64::from(side) / f64::from(OUTLINE_SIDES);
+                let (sin, cos) = libm::sincos(angle);
+                end + (x * cos + y * sin) * radius
+            })
+        });
+        Self::hull(camera, corners)
+    }
+
+    /// The convex hull of what the camera sees of these points; all that it can see where one of them is
+    /// not in front of it.
+    fn hull(camera: &PinholeCamera, points: impl Iterator<Item = Vec3>) -> Self {
+        let projected: Option<Vec<[f64; 2]>> = points.map(|at| camera.project(at)).collect();
+        let corners = projected.map_or_else(
+            || EVERYWHERE.to_vec(),
+            |points| {
+                let corners = convex_hull(points).into_iter();
+                corners.map(|[column, row]| [column, row, 1.0]).collect()
+            },
+        );
+        Self::of_corners(corners)
     }
 
     /// The part of the pixel that lies inside.
@@ -96,6 +137,31 @@ impl Outline {
             .collect();
         Area::new(&corners)
     }
+}
+
+/// The corners of the convex hull of some points, in order (Andrew 1979).
+fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let turns_left = |[a, b]: [[f64; 2]; 2], c: [f64; 2]| {
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0.0
+    };
+    let chain = |points: &mut dyn Iterator<Item = [f64; 2]>| {
+        let mut chain: Vec<[f64; 2]> = Vec::new();
+        for point in points {
+            while let [.., a, b] = chain[..]
+                && !turns_left([a, b], point)
+            {
+                chain.pop();
+            }
+            chain.push(point);
+        }
+        // The other chain begins with it.
+        chain.pop();
+        chain
+    };
+    let mut hull = chain(&mut points.iter().copied());
+    hull.extend(chain(&mut points.iter().rev().copied()));
+    hull
 }
 
 /// The part of a convex polygon where `side` is not negative (Sutherland and Hodgman 1974).
@@ -230,6 +296,26 @@ mod tests {
         let area = Area::new(&[[3.0, 5.0], [4.0, 5.0], [4.0, 6.0], [3.0, 6.0]]).expect("a square");
         assert_eq!(area.size(), 1.0);
         assert_eq!(area.point([0.25, 0.75]), [3.25, 5.75]);
+    }
+
+    #[test]
+    fn a_hull_is_convex_and_holds_its_points() {
+        let points: Vec<[f64; 2]> = (0..500u32)
+            .map(|k| {
+                let (sin, cos) = libm::sincos(f64::from(k) * 2.4);
+                let radius = f64::from(k * k % 97);
+                [radius * cos, 0.3 * radius * sin]
+            })
+            .collect();
+        let hull = convex_hull(points.clone());
+        for (index, from) in hull.iter().enumerate() {
+            let to = hull[(index + 1) % hull.len()];
+            for point in &points {
+                let cross = (to[0] - from[0]) * (point[1] - from[1])
+                    - (to[1] - from[1]) * (point[0] - from[0]);
+                assert!(cross >= -1e-9, "{point:?} is outside");
+            }
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@
 
 use super::footprint::Outline;
 use crate::reflectance::lobe::Lobe;
-use crate::scene::{Bulb, PinholeCamera};
+use crate::scene::{MirrorPoint, Scene};
 use crate::vector::Vec3;
 use crate::warp::perpendiculars;
 use std::f64::consts::PI;
@@ -17,23 +17,28 @@ const REACH: f64 = 4.5;
 /// Corners of the outline, and directions to the bulb's edge that are looked at.
 const SIDES: u32 = 256;
 
-/// The film outline of the points of the sample's plane z = 0 from which a facet that the lobe holds
-/// turns the camera's direction to the bulb. About the mirror image's centre slopes of half vectors
-/// are linear in the position; far from it the outline is only near the right one.
-pub fn outline(camera: &PinholeCamera, bulb: &Bulb, lobe: &Lobe) -> Outline {
+/// The film outline of the points of the sample from which a facet that the lobe holds turns the
+/// camera's direction to the bulb. About the mirror image's centre slopes of half vectors are linear in
+/// the position; far from it the outline is only near the right one.
+pub fn outline(scene: &Scene, lobe: &Lobe) -> Outline {
+    let (camera, bulb) = (&scene.camera, &scene.bulb);
     let (eye, centre) = (camera.position, bulb.centre);
-    let below = Vec3::new(centre.x, centre.y, -centre.z);
-    let mirror = eye + (below - eye) * (eye.z / (eye.z + centre.z));
-    let (to_eye, to_bulb) = (eye - mirror, centre - mirror);
+    let MirrorPoint {
+        position,
+        frame,
+        curvature,
+    } = scene.sample.mirror_point(eye, centre);
+    let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
-    // The derivatives of the half vector wo + wi by the position.
-    let derivative = |along: Vec3| {
+    // The derivatives of the half vector wo + wi by the position. Where the surface falls away, its
+    // normal turns after it.
+    let derivative = |along: Vec3, falls: Vec3| {
         let turn =
             |unit: Vec3, offset: Vec3| (unit * unit.dot(along) - along) * (1.0 / offset.length());
-        (turn(wo, to_eye) + turn(wi, to_bulb)) * (1.0 / (wo.z + wi.z))
+        (turn(wo, to_eye) + turn(wi, to_bulb)) * (1.0 / (wo.z + wi.z)) - falls
     };
-    let by_x = derivative(Vec3::new(1.0, 0.0, 0.0));
-    let by_y = derivative(Vec3::new(0.0, 1.0, 0.0));
+    let by_x = derivative(Vec3::new(1.0, 0.0, 0.0), Vec3::new(curvature[0], 0.0, 0.0));
+    let by_y = derivative(Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, curvature[1], 0.0));
     let per_determinant = 1.0 / (by_x.x * by_y.y - by_x.y * by_y.x);
     let [extent_u, extent_v] = bulb_slopes(wo, to_bulb, bulb.radius, lobe);
     let reach = [
@@ -44,7 +49,7 @@ pub fn outline(camera: &PinholeCamera, bulb: &Bulb, lobe: &Lobe) -> Outline {
         let slope = lobe.to_surface(Vec3::new(reach[0] * cos, reach[1] * sin, 0.0));
         let x = (by_y.y * slope.x - by_y.x * slope.y) * per_determinant;
         let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
-        mirror + Vec3::new(x, y, 0.0)
+        position + frame.to_world(Vec3::new(x, y, 0.0))
     });
     Outline::of_polygon(camera, &corners.collect::<Vec<_>>())
 }
@@ -76,7 +81,6 @@ fn around() -> impl Iterator<Item = [f64; 2]> {
 mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
-    use crate::scene::Scene;
     use dataset::Specification;
 
     /// The share of the lobe's light about the mirror image that lies outside of the outline.
@@ -91,7 +95,7 @@ mod tests {
         let mut lobe = Lobe::new(10.0, 0.5, 30.0);
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
-        let area = outline(camera, bulb, &lobe).within_pixel(0, 0);
+        let area = outline(&scene, &lobe).within_pixel(0, 0);
         let area = area.expect("the camera sees it");
         let (eye, centre) = (camera.position, bulb.centre);
         let below = Vec3::new(centre.x, centre.y, -centre.z);

@@ -42,16 +42,14 @@ pub fn estimate(means: &[[f64; 3]; REPLICATES as usize], unseen: f64) -> FilmPix
     pixel
 }
 
-/// Adds what `paths` paths a pixel may miss of features that its neighbours show. `black` says of a
-/// pixel that it sees nothing, and so misses nothing.
-pub fn add_unseen(
-    pixels: &mut [FilmPixel],
-    width: usize,
-    paths: u32,
-    black: impl Fn(usize) -> bool,
-) {
+/// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths a
+/// pixel was traced; `None` sees nothing, and so misses nothing.
+pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: impl Fn(usize) -> Option<u32>) {
     let height = pixels.len() / width;
-    for index in (0..pixels.len()).filter(|&index| !black(index)) {
+    for index in 0..pixels.len() {
+        let Some(paths) = paths(index) else {
+            continue;
+        };
         let (column, row) = (index % width, index / width);
         let mut largest = 0.0f64;
         for row in row.saturating_sub(1)..=(row + 1).min(height - 1) {

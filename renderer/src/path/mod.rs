@@ -12,103 +12,81 @@
 //!   density and some are aimed at the other surface, weighed by the balance heuristic (Veach and
 //!   Guibas 1995).
 //!
-//! `interval` states the error.
+//! `interval` states the error. For curved samples `counts` chooses how many paths a pixel gets, and
+//! `worked_out` spares them the bulb.
 
+mod continuation;
+mod counts;
 mod footprint;
 mod glint;
+mod grazing;
 mod highlight;
 mod interval;
+mod reach;
+mod trace;
+mod visible_part;
+mod worked_out;
 
 use crate::bsdf::Bsdf;
-use crate::film::{Film, FilmPixel};
-use crate::geometry::{PrimitiveId, Ray, Rectangle};
+use crate::film::Film;
+use crate::geometry::{PrimitiveId, Ray};
+use crate::hybrid::direct::SlopeBatch;
+use crate::numerics::instructions::Instructions;
 use crate::reflectance::Reflectance;
 use crate::sampler::{Dimension, Sampler};
-use crate::scene::{Bulb, Encounter, SAMPLE, Scene, Surface};
+use crate::scene::{Bulb, CHART, Encounter, SAMPLE, SampleSurface, Scene, Surface};
 use crate::vector::Vec3;
 use crate::warp::Cone;
+use continuation::Continuation;
+use counts::Counts;
 use dataset::Specification;
 use footprint::{Area, Outline};
-use glint::Window;
-use interval::REPLICATES;
-use rayon::prelude::*;
+use reach::Reach;
+use trace::Picture;
+use worked_out::WorkedOut;
 
-/// Traces paths over the film; also returns how many. `key` names the image.
+/// A film that was traced, and what it took.
+#[derive(Debug)]
+pub struct TracedFilm {
+    /// The film.
+    pub film: Film,
+    /// Paths to each thing that a pixel sees.
+    pub paths: u64,
+    /// Evaluations of the reflectance by cubature.
+    pub evaluations: u64,
+}
+
+/// Traces as many paths a pixel as the specification says. `key` names the image.
 pub fn render(
     scene: &Scene,
     reflectance: &Reflectance,
     specification: &Specification,
     key: u64,
-) -> (Film, u64) {
-    let (image, integrator) = (&specification.image, &specification.integrator);
-    let paths = integrator.samples_per_pixel;
+) -> TracedFilm {
+    let integrator = &specification.integrator;
     let tracer = Tracer::new(scene, reflectance, integrator.max_bounces);
-    let pixel = |column: u32, row: u32| {
-        let footprint = tracer.footprint(column, row);
-        let mut means = [[0.0; 3]; REPLICATES as usize];
-        let mut reach = Reach::NONE;
-        for (replicate, mean) in (0..).zip(&mut means) {
-            let sampler = Sampler::new(key, row * image.width + column, replicate);
-            let of_replicate;
-            (*mean, of_replicate) = tracer.trace(&footprint, &sampler, paths / REPLICATES);
-            reach = reach.or(of_replicate);
-        }
-        let unseen = tracer.bulb_gap(&footprint) + tracer.chart_max * reach.unseen(paths);
-        let parts = footprint.parts.len() as u8;
-        (interval::estimate(&means, unseen), parts)
-    };
-    let (width, height) = (image.width as usize, image.height as usize);
-    let mut pixels = vec![FilmPixel::default(); width * height];
-    let mut parts = vec![0; width * height];
-    pixels
-        .par_chunks_mut(width)
-        .zip(parts.par_chunks_mut(width))
-        .zip(0..image.height)
-        .for_each(|((line, parts), row)| {
-            for ((sample, parts), column) in line.iter_mut().zip(parts).zip(0..) {
-                (*sample, *parts) = pixel(column, row);
-            }
-        });
-    interval::add_unseen(&mut pixels, width, paths, |index| parts[index] == 0);
-    let film = Film {
-        width: image.width,
-        height: image.height,
-        pixels,
-    };
-    let parts: u64 = parts.into_iter().map(u64::from).sum();
-    (film, parts * u64::from(paths))
+    let picture = Picture::new(specification, key);
+    let counts = Counts::even(picture.pixels(), integrator.samples_per_pixel);
+    picture.trace(&tracer, &counts)
 }
 
-/// Whether any of some paths went on from the sample to the chart, and how far from the lobe's
-/// centre the chart began for them.
-#[derive(Clone, Copy, Debug)]
-struct Reach {
-    hit: bool,
-    /// The least negative logarithm of the lobe on the chart, over its peak.
-    log_lobe: f64,
-}
-
-impl Reach {
-    const NONE: Self = Self {
-        hit: false,
-        log_lobe: f64::INFINITY,
-    };
-
-    fn or(self, other: Self) -> Self {
-        Self {
-            hit: self.hit || other.hit,
-            log_lobe: self.log_lobe.min(other.log_lobe),
-        }
-    }
-
-    /// At most the share of a pixel's light that goes to the chart, `paths` paths not having met it.
-    fn unseen(&self, paths: u32) -> f64 {
-        if self.hit {
-            0.0
-        } else {
-            interval::UNSEEN / f64::from(paths) * libm::exp(-self.log_lobe)
-        }
-    }
+/// Renders a view of a curved sample to the specification's accuracy, as far as the limit on paths lets
+/// it: the bulb's light off what the camera sees is worked out, and the rest traced by as many paths as
+/// each pixel takes, from the specification's number on.
+pub fn render_to_accuracy(
+    scene: &Scene,
+    reflectance: &Reflectance,
+    specification: &Specification,
+    key: u64,
+    instructions: Instructions,
+) -> TracedFilm {
+    let (integrator, accuracy) = (&specification.integrator, &specification.accuracy);
+    let mut tracer = Tracer::new(scene, reflectance, integrator.max_bounces);
+    tracer.worked_out = Some(WorkedOut::new(scene, reflectance, accuracy, instructions));
+    let picture = Picture::new(specification, key);
+    let least = integrator.samples_per_pixel;
+    let counts = counts::choose(&tracer, &picture, accuracy, least);
+    picture.trace(&tracer, &counts)
 }
 
 /// Traces paths of one view of one material.
@@ -126,6 +104,16 @@ pub struct Tracer<'a> {
     highlight: Outline,
     /// At most the radiance of the chart by the bulb's light.
     chart_max: f64,
+    /// The bulb's light where no path has to find it.
+    worked_out: Option<WorkedOut<'a>>,
+}
+
+/// What tracing a pixel leaves behind.
+#[derive(Default)]
+struct Scratch {
+    batch: SlopeBatch,
+    reach: Reach,
+    evaluations: u64,
 }
 
 /// What the paths of a footprint begin with.
@@ -176,11 +164,6 @@ impl Part {
     }
 }
 
-/// The share of paths aimed at the other surface at their first hit, and later, where less light
-/// is left and a path that meets nothing costs little.
-const AIMED: f64 = 0.5;
-const AIMED_LATER: f64 = 0.25;
-
 /// The share of a pixel's part below which the bulb's highlight gets paths of its own.
 const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
 
@@ -194,12 +177,10 @@ impl<'a> Tracer<'a> {
             radiance,
         } = scene.bulb;
         let [bulb, inside_bulb] = Outline::of_sphere(camera, centre, radius);
-        let highlight = highlight::outline(camera, &scene.bulb, &reflectance.lobe);
+        let highlight = highlight::outline(scene, &reflectance.lobe);
         let mut outlines = vec![(Target::Bulb, bulb)];
-        for (id, rectangle) in scene.rectangles() {
-            let outline = Outline::of_polygon(camera, &rectangle.corners());
-            outlines.push((Target::Surface(id), outline));
-        }
+        outlines.push((Target::Surface(SAMPLE), sample_outline(scene)));
+        outlines.extend(chart_outlines(scene));
         let chart_max = scene.chart.as_ref().map_or(0.0, |chart| {
             let plane = chart.plane();
             let offset = centre - plane.corner;
@@ -219,6 +200,7 @@ impl<'a> Tracer<'a> {
             inside_bulb,
             highlight,
             chart_max,
+            worked_out: None,
         }
     }
 
@@ -258,12 +240,17 @@ impl<'a> Tracer<'a> {
 
     /// A pixel's mean radiance, in units of white, by `count` paths to each thing it sees.
     pub fn replicate(&self, footprint: &Footprint, sampler: &Sampler, count: u32) -> [f64; 3] {
-        self.trace(footprint, sampler, count).0
+        self.trace(footprint, sampler, count, &mut Scratch::default())
     }
 
-    fn trace(&self, footprint: &Footprint, sampler: &Sampler, count: u32) -> ([f64; 3], Reach) {
+    fn trace(
+        &self,
+        footprint: &Footprint,
+        sampler: &Sampler,
+        count: u32,
+        scratch: &mut Scratch,
+    ) -> [f64; 3] {
         let mut sum = [0.0; 3];
-        let mut reach = Reach::NONE;
         for (number, part) in (0..).zip(&footprint.parts) {
             let sampler = sampler.part(number);
             for index in 0..count {
@@ -274,14 +261,14 @@ impl<'a> Tracer<'a> {
                     (Target::Surface(id), Some(Encounter::Surface(surface)))
                         if surface.primitive == id =>
                     {
-                        self.radiance(surface, -ray.direction, &sampler, index, &mut reach)
+                        self.radiance(surface, -ray.direction, &sampler, index, scratch)
                     }
                     _ => continue,
                 };
                 accumulate(&mut sum, [weight / f64::from(count); 3], radiance);
             }
         }
-        (sum, reach)
+        sum
     }
 
     /// The radiance that one sampled path carries from `surface` toward `viewer`.
@@ -291,7 +278,7 @@ impl<'a> Tracer<'a> {
         mut viewer: Vec3,
         sampler: &Sampler,
         index: u32,
-        reach: &mut Reach,
+        scratch: &mut Scratch,
     ) -> [f64; 3] {
         let mut sum = [0.0; 3];
         let mut throughput = [1.0; 3];
@@ -302,11 +289,12 @@ impl<'a> Tracer<'a> {
             };
             let wo = surface.frame.to_local(viewer);
             let point = sampler.point(Dimension::Light(bounce), index);
-            accumulate(
-                &mut sum,
-                throughput,
-                self.direct(&surface, &bsdf, wo, point),
-            );
+            let worked_out = match &self.worked_out {
+                Some(worked_out) => worked_out.toward(&surface, wo, bounce, scratch),
+                None => None,
+            };
+            let direct = worked_out.unwrap_or_else(|| self.direct(&surface, &bsdf, wo, point));
+            accumulate(&mut sum, throughput, direct);
             let Some(facing) = self.scene.facing(surface.primitive) else {
                 break;
             };
@@ -314,9 +302,12 @@ impl<'a> Tracer<'a> {
                 break;
             }
             let point = sampler.point(Dimension::Scatter(bounce), index);
-            let continuation = Continuation::new(&surface, &bsdf, facing, wo, bounce);
+            let Some(continuation) = Continuation::new(&surface, &bsdf, facing, wo, bounce) else {
+                break;
+            };
             if bounce == 0 {
-                reach.log_lobe = reach.log_lobe.min(continuation.log_lobe());
+                let log_lobe = continuation.log_lobe();
+                scratch.reach.log_lobe = scratch.reach.log_lobe.min(log_lobe);
             }
             let Some((wi, weight)) = continuation.sample(wo, point) else {
                 break;
@@ -334,7 +325,7 @@ impl<'a> Tracer<'a> {
                 // The bulb's light has been counted.
                 break;
             };
-            reach.hit |= bounce == 0;
+            scratch.reach.hit |= bounce == 0;
             viewer = -ray.direction;
             surface = next;
         }
@@ -347,18 +338,8 @@ impl<'a> Tracer<'a> {
         let Some(cone) = Cone::new(surface.position, bulb.centre, bulb.radius) else {
             return [0.0; 3];
         };
-        let over_cone = || {
-            let wi = surface.frame.to_local(cone.sample(point));
-            (wi, cone.density())
-        };
-        let (wi, density) = match bsdf {
-            Bsdf::Diffuse(_) => over_cone(),
-            Bsdf::Material(reflectance) => {
-                let axis = surface.frame.to_local(cone.axis());
-                let narrow = cone.one_minus_cos_max();
-                glint::sample(&reflectance.lobe, wo, axis, narrow, point)
-                    .map_or_else(over_cone, |glint| (glint.wi, glint.density))
-            }
+        let Some((wi, density)) = to_bulb(surface, bsdf, &cone, wo, point) else {
+            return [0.0; 3];
         };
         if wi.z <= 0.0 {
             return [0.0; 3];
@@ -376,94 +357,61 @@ impl<'a> Tracer<'a> {
     }
 }
 
-/// How paths go on from a surface to the one that it faces.
-struct Continuation<'a> {
-    surface: &'a Surface,
-    bsdf: &'a Bsdf<'a>,
-    facing: &'a Rectangle,
-    /// At the first hit on the sample.
-    window: Option<Window<'a>>,
-    /// The share of paths that are aimed at `facing`: about the half vectors that see it, or at its
-    /// area. The others follow the surface's own density.
-    aimed: f64,
+/// A direction to the bulb, in the frame of the surface, and its density; `None` where there is none.
+fn to_bulb(
+    surface: &Surface,
+    bsdf: &Bsdf<'_>,
+    cone: &Cone,
+    wo: Vec3,
+    point: [f64; 2],
+) -> Option<(Vec3, f64)> {
+    let over_cone = || {
+        let wi = surface.frame.to_local(cone.sample(point));
+        (wi, cone.density())
+    };
+    let [lowest, highest] = cone.heights(surface.frame.z);
+    if highest <= 0.0 {
+        return None;
+    }
+    let Bsdf::Material(reflectance) = bsdf else {
+        return Some(over_cone());
+    };
+    if lowest < 0.0 {
+        return grazing::sample(surface, bsdf, cone, wo, point);
+    }
+    let axis = surface.frame.to_local(cone.axis());
+    let narrow = cone.one_minus_cos_max();
+    let glint = glint::sample(&reflectance.lobe, wo, axis, narrow, point);
+    Some(glint.map_or_else(over_cone, |glint| (glint.wi, glint.density)))
 }
 
-impl<'a> Continuation<'a> {
-    fn new(
-        surface: &'a Surface,
-        bsdf: &'a Bsdf<'a>,
-        facing: &'a Rectangle,
-        wo: Vec3,
-        bounce: u32,
-    ) -> Self {
-        let window = match bsdf {
-            Bsdf::Material(reflectance) if bounce == 0 => {
-                let corner = surface.frame.to_local(facing.corner - surface.position);
-                let sides = [
-                    surface.frame.to_local(facing.u_axis * facing.u_length),
-                    surface.frame.to_local(facing.v_axis * facing.v_length),
-                ];
-                Window::new(&reflectance.lobe, wo, corner, sides)
-            }
-            _ => None,
-        };
-        Self {
-            surface,
-            bsdf,
-            facing,
-            window,
-            aimed: if bounce == 0 { AIMED } else { AIMED_LATER },
-        }
-    }
+/// What the chart may fill of the film. Beside a curved sample each of its patches is sampled by itself,
+/// so that no path has to find their edges.
+fn chart_outlines(scene: &Scene) -> Vec<(Target, Outline)> {
+    let (Some(rectangle), Some(chart)) = (scene.chart_rectangle(), &scene.chart) else {
+        return Vec::new();
+    };
+    let polygons = match scene.sample {
+        SampleSurface::Square(_) => vec![rectangle.corners()],
+        _ => chart.plane().outlines(),
+    };
+    let outlines = polygons.iter().map(|corners| {
+        let outline = Outline::of_polygon(&scene.camera, corners);
+        (Target::Surface(CHART), outline)
+    });
+    outlines.collect()
+}
 
-    /// At most the negative logarithm of the lobe where it is largest on the other surface, over
-    /// its peak: 0 for a surface that sends light everywhere.
-    fn log_lobe(&self) -> f64 {
-        match (self.bsdf, &self.window) {
-            (Bsdf::Material(reflectance), Some(window)) if reflectance.specular_share == 1.0 => {
-                window.log_lobe()
-            }
-            _ => 0.0,
+/// What the sample may fill of the film.
+fn sample_outline(scene: &Scene) -> Outline {
+    let camera = &scene.camera;
+    match &scene.sample {
+        SampleSurface::Square(square) => Outline::of_polygon(camera, &square.corners()),
+        SampleSurface::Sphere(sphere) => {
+            let [around, _] = Outline::of_sphere(camera, sphere.centre, sphere.radius);
+            around
         }
-    }
-
-    /// Draws a direction; also its weight f cos / density, by the balance heuristic.
-    fn sample(&self, wo: Vec3, [x, y]: [f64; 2]) -> Option<(Vec3, [f64; 3])> {
-        let own = 1.0 - self.aimed;
-        if x < own {
-            let scattered = self.bsdf.sample(wo, [x / own, y])?;
-            let aimed = self.aimed * self.aimed_density(scattered.wi);
-            let scale = scattered.density / (own * scattered.density + aimed);
-            return Some((scattered.wi, scattered.weight.map(|weight| weight * scale)));
-        }
-        let (wi, density) = self.aim([(x - own) / self.aimed, y]);
-        if wi.z <= 0.0 || density <= 0.0 {
-            return None;
-        }
-        let scale = wi.z / (self.aimed * density + own * self.bsdf.density(wi, wo));
-        let value = self.bsdf.evaluate(wi, wo);
-        Some((wi, value.map(|channel| channel * scale)))
-    }
-
-    /// A direction aimed at the other surface, and its density.
-    fn aim(&self, [x, y]: [f64; 2]) -> (Vec3, f64) {
-        if let Some(window) = &self.window {
-            let sample = window.sample([x, y]);
-            return (sample.wi, sample.density);
-        }
-        let offset = self.facing.point(x, y) - self.surface.position;
-        let wi = self.surface.frame.to_local(offset.normalized());
-        (wi, self.aimed_density(wi))
-    }
-
-    fn aimed_density(&self, wi: Vec3) -> f64 {
-        match &self.window {
-            Some(window) => window.density(wi),
-            None => {
-                let direction = self.surface.frame.to_world(wi);
-                self.facing.density(self.surface.position, direction)
-            }
-        }
+        SampleSurface::Cylinder(cylinder) => Outline::of_cylinder(camera, cylinder),
     }
 }
 

@@ -48,6 +48,19 @@ impl ChartPlane {
         self.corner + self.x * a + self.y * b
     }
 
+    /// The corners of each patch, in the order in which its outline visits them.
+    pub fn outlines(&self) -> Vec<[Vec3; 4]> {
+        let cells =
+            (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| [column, row]));
+        cells
+            .map(|cell| {
+                let [column, row] = cell.map(f64::from);
+                [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+                    .map(|[x, y]| self.point((column + x) * self.pitch, (row + y) * self.pitch))
+            })
+            .collect()
+    }
+
     /// Where a direction from `from`, in front of the chart, meets its plane; `None` where it does
     /// not.
     pub fn intersect(&self, from: Vec3, direction: Vec3) -> Option<[f64; 2]> {

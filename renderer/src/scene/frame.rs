@@ -6,11 +6,11 @@ use crate::vector::Vec3;
 #[derive(Clone, Copy, Debug)]
 pub struct Frame {
     /// Along the surface.
-    pub(super) x: Vec3,
+    pub x: Vec3,
     /// Along the surface, to the left of x as seen from the front.
-    pub(super) y: Vec3,
+    pub y: Vec3,
     /// The normal.
-    pub(super) z: Vec3,
+    pub z: Vec3,
 }
 
 impl Frame {
@@ -20,6 +20,20 @@ impl Frame {
         y: Vec3::new(0.0, 1.0, 0.0),
         z: Vec3::new(0.0, 0.0, 1.0),
     };
+
+    /// The world's frame, turned by the smallest rotation that takes +z to the unit vector `normal`,
+    /// which does not point straight down. (Hughes and Moeller, "Building an Orthonormal Basis from a
+    /// Unit Vector", 1999, have the rotation that is inverse to it.)
+    pub(super) fn carried(normal: Vec3) -> Self {
+        let Vec3 { x, y, z } = normal;
+        let scale = 1.0 / (1.0 + z);
+        let mixed = -x * y * scale;
+        Self {
+            x: Vec3::new(1.0 - x * x * scale, mixed, -x),
+            y: Vec3::new(mixed, 1.0 - y * y * scale, -y),
+            z: normal,
+        }
+    }
 
     /// A world direction in the frame.
     pub fn to_local(&self, v: Vec3) -> Vec3 {

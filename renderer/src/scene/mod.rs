@@ -4,11 +4,13 @@ mod bulb;
 mod camera;
 mod chart;
 mod frame;
+mod sample;
 
 pub use bulb::Bulb;
 pub use camera::PinholeCamera;
 pub use chart::{Chart, ChartPlane};
 pub use frame::Frame;
+pub use sample::{MirrorPoint, SampleSurface};
 
 use crate::geometry::{
     BackendChoice, Geometry, GeometryError, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
@@ -19,7 +21,8 @@ use dataset::specification::Specification;
 /// The sample.
 pub const SAMPLE: PrimitiveId = PrimitiveId(0);
 const BULB: PrimitiveId = PrimitiveId(1);
-const CHART: PrimitiveId = PrimitiveId(2);
+/// The chart, where there is one.
+pub const CHART: PrimitiveId = PrimitiveId(2);
 
 /// A view's scene. Radiance is in units of white: that of a perfect diffuser at the origin which
 /// faces the bulb.
@@ -29,11 +32,13 @@ pub struct Scene {
     pub bulb: Bulb,
     /// Who can be hit.
     pub geometry: Geometry,
+    /// The surface of the sample.
+    pub sample: SampleSurface,
     /// The camera.
     pub camera: PinholeCamera,
     /// The colour chart, if it is there.
     pub chart: Option<Chart>,
-    /// Whether the sample or the chart may stand between the other and the bulb.
+    /// Whether sample or chart may stand between the bulb and either of them.
     may_shade: bool,
 }
 
@@ -61,6 +66,15 @@ pub struct Surface {
     pub patch: Option<[f64; 3]>,
 }
 
+/// What light scattered at a surface can meet.
+#[derive(Clone, Copy, Debug)]
+pub enum Facing<'a> {
+    /// A flat surface.
+    Rectangle(&'a Rectangle),
+    /// A curved one, in this ball.
+    Ball(Sphere),
+}
+
 impl Scene {
     /// The scene of view `view` of `specification`, or `None` where it has no such view.
     pub fn new(
@@ -70,16 +84,9 @@ impl Scene {
     ) -> Option<Result<Self, GeometryError>> {
         let placement = specification.view_geometry(view)?;
         let bulb = Bulb::new(&specification.light, placement.light_position.into());
-        let side = specification.sample.side_m;
-        let sample = Rectangle::new(
-            Vec3::new(-0.5 * side, -0.5 * side, 0.0),
-            Frame::WORLD.x,
-            Frame::WORLD.y,
-            side,
-            side,
-        );
+        let sample = SampleSurface::new(&specification.sample);
         let mut primitives = vec![
-            Primitive::Rectangle(sample),
+            sample.primitive(),
             Primitive::Sphere(Sphere {
                 centre: bulb.centre,
                 radius: bulb.radius,
@@ -91,10 +98,11 @@ impl Scene {
             chart
         });
         let camera = PinholeCamera::new(specification, &placement);
-        let may_shade = may_shade(&primitives, &bulb);
+        let may_shade = may_shade(&sample, chart.as_ref(), &bulb);
         Some(Geometry::new(primitives, backend).map(|geometry| Self {
             bulb,
             geometry,
+            sample,
             camera,
             chart,
             may_shade,
@@ -104,39 +112,38 @@ impl Scene {
     /// What `ray` meets first; `from` is the surface it leaves.
     pub fn encounter(&self, ray: &Ray, from: Option<PrimitiveId>) -> Option<Encounter> {
         let hit = self.geometry.intersect(ray, from)?;
+        let position = ray.origin + ray.direction * hit.distance;
         let (frame, patch) = match (hit.primitive, &self.chart) {
             (BULB, _) => return Some(Encounter::Bulb),
             (CHART, Some(chart)) => (chart.frame, Some(chart.colour(hit.u, hit.v))),
-            _ => (Frame::WORLD, None),
+            _ => (self.sample.frame(position), None),
         };
         if ray.direction.dot(frame.z) >= 0.0 {
             return Some(Encounter::Black);
         }
         Some(Encounter::Surface(Surface {
-            position: ray.origin + ray.direction * hit.distance,
+            position,
             frame,
             primitive: hit.primitive,
             patch,
         }))
     }
 
-    /// The sample and, where there is one, the chart: every surface that scatters.
-    pub fn rectangles(&self) -> impl Iterator<Item = (PrimitiveId, &Rectangle)> {
-        let primitives = self.geometry.primitives().iter();
-        (0..)
-            .map(PrimitiveId)
-            .zip(primitives)
-            .filter_map(|(id, primitive)| match primitive {
-                Primitive::Rectangle(rectangle) => Some((id, rectangle)),
-                Primitive::Sphere(_) => None,
-            })
+    /// What light scattered at `surface` can meet: the chart from the sample, the sample from the
+    /// chart. No sample sees itself.
+    pub fn facing(&self, surface: PrimitiveId) -> Option<Facing<'_>> {
+        if surface == SAMPLE {
+            return self.chart_rectangle().map(Facing::Rectangle);
+        }
+        Some(match &self.sample {
+            SampleSurface::Square(square) => Facing::Rectangle(square),
+            curved => Facing::Ball(curved.ball()),
+        })
     }
 
-    /// The one surface that light scattered at `surface` can meet: the chart from the sample, the
-    /// sample from the chart.
-    pub fn facing(&self, surface: PrimitiveId) -> Option<&Rectangle> {
-        let other = if surface == SAMPLE { CHART } else { SAMPLE };
-        match self.geometry.primitives().get(other.0 as usize) {
+    /// The chart and its rectangle, where there is one.
+    pub fn chart_rectangle(&self) -> Option<&Rectangle> {
+        match self.geometry.primitives().get(CHART.0 as usize) {
             Some(Primitive::Rectangle(rectangle)) => Some(rectangle),
             _ => None,
         }
@@ -152,22 +159,21 @@ impl Scene {
     }
 }
 
-/// Whether a rectangle may stand between another and the bulb: unless all of both is on one side of
-/// its plane.
-fn may_shade(primitives: &[Primitive], bulb: &Bulb) -> bool {
-    let rectangles: Vec<&Rectangle> = primitives
-        .iter()
-        .filter_map(|primitive| match primitive {
-            Primitive::Rectangle(rectangle) => Some(rectangle),
-            Primitive::Sphere(_) => None,
+/// Whether sample or chart may stand between the bulb and either of them. A flat one does not, unless
+/// all of both is on one side of its plane.
+fn may_shade(sample: &SampleSurface, chart: Option<&Chart>, bulb: &Bulb) -> bool {
+    let Some(chart) = chart else {
+        return false;
+    };
+    let SampleSurface::Square(square) = sample else {
+        return true;
+    };
+    let chart = chart.rectangle();
+    [(square, &chart), (&chart, square)]
+        .into_iter()
+        .any(|(plane, other)| {
+            let height = |point: Vec3| plane.normal.dot(point - plane.corner);
+            height(bulb.centre) <= bulb.radius
+                || other.corners().into_iter().any(|at| height(at) < 0.0)
         })
-        .collect();
-    rectangles.iter().enumerate().any(|(index, plane)| {
-        let height = |point: Vec3| plane.normal.dot(point - plane.corner);
-        let others = rectangles.iter().enumerate();
-        let mut others = others.filter(|(other, _)| *other != index).peekable();
-        others.peek().is_some()
-            && (height(bulb.centre) <= bulb.radius
-                || others.any(|(_, other)| other.corners().into_iter().any(|at| height(at) < 0.0)))
-    })
 }

@@ -1,6 +1,7 @@
 //! The bulb's light off the sample, as a function of the film.
 
-use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
+use super::bulb::SlopeBatch;
+use super::bulb_light::{BulbLight, bulb_view};
 use crate::film::log_tile::TintedLog;
 use crate::film::log_tiling::LogShade;
 use crate::film::tiling::Shade;
@@ -135,58 +136,26 @@ impl BulbOffSample<'_> {
         tolerance: Tolerance,
         batch: &mut SlopeBatch,
     ) -> (TintedLog, u32) {
-        let reflectance = self.reflectance;
-        let view = self.bulb_view(position, wo);
-        let share = reflectance.specular_share;
-        // The bulb stands above the horizon as a whole: its Lambertian light is a closed form.
-        let diffuse = (1.0 - share) * view.sin2 * view.centre.z;
-        let (specular, spent) = if share > 0.0 {
-            let response = reflectance.tint_response(wo.z);
-            let instructions = self.view.instructions;
-            bulb::specular(
-                &view,
-                reflectance,
-                &response,
-                tolerance,
-                instructions,
-                batch,
-            )
-        } else {
-            (ScaledRadiance::NONE, 0)
+        let to_bulb = self.view.bulb.centre - position;
+        let light = BulbLight {
+            reflectance: self.reflectance,
+            radius: self.view.bulb.radius,
+            radiance: self.view.bulb.radiance,
+            tolerance,
+            instructions: self.view.instructions,
         };
-        // Where there is diffuse light the lobe is wide, and its logarithm small. Elsewhere the
-        // factor may overflow.
-        let diffuse = if share < 1.0 {
-            diffuse * libm::exp(-specular.log)
-        } else {
-            0.0
-        };
-        let untinted = share * specular.untinted + diffuse;
-        let tint = std::array::from_fn(|channel| {
-            let part = share * specular.radiance[channel] + diffuse * reflectance.rgb0[channel];
-            if untinted > 0.0 { part / untinted } else { 0.0 }
-        });
-        let log =
-            libm::log(untinted.max(f64::MIN_POSITIVE) * self.view.bulb.radiance) + specular.log;
-        (TintedLog { log, tint }, spent)
-    }
-
-    /// The bulb and the viewer from a point of the sample.
-    fn bulb_view(&self, position: Vec3, wo: Vec3) -> BulbView {
-        let (bulb, lobe) = (&self.view.bulb, &self.reflectance.lobe);
-        let offset = bulb.centre - position;
-        let distance = offset.length();
-        let sine = bulb.radius / distance;
-        BulbView {
-            wo: lobe.to_lobe(wo),
-            centre: lobe.to_lobe(offset * (1.0 / distance)),
-            sin2: sine * sine,
-        }
+        light.toward(wo, to_bulb, batch)
     }
 
     fn bulb_box(&self, film_point: [f64; 2]) -> SlopeBox {
         let (position, wo) = self.view.sample_point(film_point);
-        let view = self.bulb_view(position, wo);
+        let bulb = &self.view.bulb;
+        let view = bulb_view(
+            &self.reflectance.lobe,
+            wo,
+            bulb.centre - position,
+            bulb.radius,
+        );
         let [centre, half] = view.slopes();
         SlopeBox { centre, half }
     }

@@ -1,6 +1,7 @@
 //! The bulb's light off the sample.
 
 mod bulb;
+mod bulb_light;
 mod bulb_on_film;
 
 use super::budget::direct::{
@@ -14,6 +15,8 @@ use crate::film::demand::{Demand, FunctionError};
 use crate::film::log_tiling;
 use crate::film::tiling::{self, Region};
 use crate::reflectance::Reflectance;
+pub use bulb::SlopeBatch;
+pub use bulb_light::BulbLight;
 use bulb_on_film::BulbOffSample;
 
 /// Adds the bulb's light off the sample to the film; returns evaluations.

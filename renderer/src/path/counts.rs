@@ -1,0 +1,118 @@
+//! How many paths each pixel of a curved sample gets, by the accuracy that is asked.
+//!
+//! Paths are cheap where light falls evenly, and many are needed where the bulb shows in the sample.
+//! Pilots of four times as many paths each tell where the error is still too large. They are thrown
+//! away: had a pixel stopped on the paths that told it to stop, those that happened to agree would
+//! stop too early, and its interval would be too narrow.
+
+use super::Tracer;
+use super::interval::REPLICATES;
+use super::trace::{Picture, Spent, Traced, trace};
+use crate::film::target;
+use dataset::specification::Accuracy;
+
+/// From one pilot to the next: halves the error at least, that of independent samples.
+const STEP: u32 = 4;
+
+/// The share of the tolerance that a pilot's error has to meet. Errors are estimated from eight
+/// replicates, and those of other paths are larger as often as not.
+const MARGIN: f64 = 0.7;
+
+/// The most paths of one pixel, as a multiple of those that it begins with.
+const PIXEL_TIMES_MAX: u32 = 1024;
+
+/// The most that an image costs, all pilots included, as a multiple of the paths that it begins with:
+/// 1,536 paths a pixel if it begins with 64. At 128 x 128 pixels they take 10 to 20 s of a core.
+const IMAGE_TIMES_MAX: f64 = 24.0;
+
+/// Evaluations of the reflectance by cubature that take as long as a path, measured.
+const EVALUATIONS_A_PATH: f64 = 20.0;
+
+/// What tracing cost, in paths.
+fn cost(spent: Spent) -> f64 {
+    spent.paths as f64 + spent.evaluations as f64 / EVALUATIONS_A_PATH
+}
+
+/// What pilots found.
+pub struct Counts {
+    /// Paths of each pixel.
+    pub of_pixels: Vec<u32>,
+    /// What the pilots took.
+    pub spent: Spent,
+}
+
+impl Counts {
+    /// As many for each pixel.
+    pub fn even(pixels: usize, paths: u32) -> Self {
+        Self {
+            of_pixels: vec![paths; pixels],
+            spent: Spent::default(),
+        }
+    }
+
+    /// Takes from the pixels that have most until no more than `budget` is spent in all, by paths that
+    /// cost `each`.
+    fn within(mut self, budget: f64, each: f64) -> Self {
+        let mut most = self.of_pixels.iter().copied().max().unwrap_or(0);
+        let wanted = |most: u32| -> u64 {
+            let paths = self.of_pixels.iter();
+            paths.map(|paths| u64::from(*paths.min(&most))).sum()
+        };
+        let left = budget - cost(self.spent);
+        while most > REPLICATES && wanted(most) as f64 * each > left {
+            most /= 2;
+        }
+        for paths in &mut self.of_pixels {
+            *paths = (*paths).min(most);
+        }
+        self
+    }
+}
+
+/// Chooses how many paths each pixel gets; each begins with `least`.
+pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, least: u32) -> Counts {
+    let count = picture.pixels();
+    let budget = IMAGE_TIMES_MAX * f64::from(least) * count as f64;
+    let mut of_pixels = vec![least; count];
+    let mut is_open = vec![true; count];
+    let mut known = Traced::nothing(count);
+    let mut spent = Spent::default();
+    // What a path of the last pilot cost, for each of the pixels that it traced.
+    let mut each = 0.0;
+    for (pilot, times) in (1..).zip(powers()) {
+        let paths = least * times;
+        let first = pilot * REPLICATES;
+        let of_pilot = trace(tracer, picture, first, &mut known, |index| {
+            if is_open[index] { paths } else { 0 }
+        });
+        let traced = is_open.iter().filter(|open| **open).count();
+        each = cost(of_pilot) / (traced as f64 * f64::from(paths));
+        spent = spent + of_pilot;
+        let with_unseen = known.with_unseen(picture.width);
+        for index in (0..count)
+            .filter(|index| is_open[*index])
+            .collect::<Vec<_>>()
+        {
+            let pixel = &with_unseen[index];
+            let allowed = MARGIN * target(accuracy, pixel.value);
+            is_open[index] = pixel.error > f64::from(STEP).sqrt() * allowed;
+            of_pixels[index] = if pixel.error > allowed {
+                paths * STEP
+            } else {
+                paths
+            };
+        }
+        let open = is_open.iter().filter(|open| **open).count();
+        let next = each * open as f64 * f64::from(paths * STEP);
+        // What a pilot takes, the image takes again.
+        if open == 0 || cost(spent) + 2.0 * next > budget || times * STEP >= PIXEL_TIMES_MAX {
+            break;
+        }
+    }
+    Counts { of_pixels, spent }.within(budget, each)
+}
+
+/// 1, 4, 16 and so on.
+fn powers() -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(1), |times: &u32| times.checked_mul(STEP))
+}
