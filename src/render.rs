@@ -48,12 +48,16 @@ pub struct Options {
     #[arg(long, value_name = "NUMBER")]
     view: u32,
     /// The file to write: an .exr file, or a .png file to look at
-    #[arg(long, value_name = "FILE", required_unless_present_any = ["expect", "error_out"])]
+    #[arg(long, value_name = "FILE", required_unless_present_any = ["expect", "error_out", "aov"])]
     out: Option<PathBuf>,
     /// The file for the stated error of each pixel: an .exr file with one channel, error, of
     /// 32-bit floats in units of white. The rounding of the image to 16 bits is not included
     #[arg(long, value_name = "FILE")]
     error_out: Option<PathBuf>,
+    /// The file for what the middle of each pixel sees: an .exr file with the layers depth, normal,
+    /// tangent, uv and mask, of 32-bit floats. Its comment has the units
+    #[arg(long, value_name = "FILE")]
+    aov: Option<PathBuf>,
     /// The BLAKE3 digest that the EXR file must have
     #[arg(long, value_name = "DIGEST")]
     expect: Option<Digest>,
@@ -100,7 +104,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         )?;
     }
     let kind = options.out.as_deref().map(output_kind).transpose()?;
-    check_error_out(options)?;
+    check_others(options)?;
     if options.view as usize >= specification.views.len() {
         return Err(BadInput(format!(
             "--view {}: the specification has {} views, counted from 0",
@@ -128,6 +132,9 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     }
     if let Some(path) = &options.error_out {
         write_bytes(path, &renderer.encode_error(&rendering)?)?;
+    }
+    if let Some(path) = &options.aov {
+        write_bytes(path, &renderer.encode_aov(&rendering)?)?;
     }
     if options.json {
         print_json(digest, &rendering, &specification.accuracy)
@@ -223,20 +230,30 @@ fn output_kind(path: &Path) -> Result<OutputKind, BadInput> {
     })
 }
 
-/// Refuses a name that is no .exr file's, or that `--out` has as well.
-fn check_error_out(options: &Options) -> anyhow::Result<()> {
-    let Some(path) = &options.error_out else {
-        return Ok(());
-    };
-    output::ending("--error-out", path, &["exr"])?;
-    if let Some(out) = &options.out
-        && std::path::absolute(out)? == std::path::absolute(path)?
-    {
-        return Err(BadInput(format!(
-            "--error-out {}: --out names the same file, give it another name",
-            path.display()
-        ))
-        .into());
+/// Refuses a name that is no .exr file's, or that another file of the command has as well.
+fn check_others(options: &Options) -> anyhow::Result<()> {
+    let mut taken: Vec<(&str, PathBuf)> = Vec::new();
+    let files = [
+        ("--out", &options.out),
+        ("--error-out", &options.error_out),
+        ("--aov", &options.aov),
+    ];
+    for (name, path) in files {
+        let Some(path) = path else {
+            continue;
+        };
+        if name != "--out" {
+            output::ending(name, path, &["exr"])?;
+        }
+        let whole = std::path::absolute(path)?;
+        if let Some((other, _)) = taken.iter().find(|(_, taken)| *taken == whole) {
+            return Err(BadInput(format!(
+                "{name} {}: {other} names the same file, give it another name",
+                path.display()
+            ))
+            .into());
+        }
+        taken.push((name, whole));
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! `brdfarm render` as another program meets it: what it prints as JSON, and the error of each
 //! pixel.
 
+use dataset::Specification;
 use exr::prelude::*;
 use serde_json::Value;
 use std::fs;
@@ -325,4 +326,102 @@ fn a_material_from_a_file_has_no_index() {
             .as_object()
             .is_some_and(|keys| keys.contains_key("material"))
     );
+}
+
+/// The channels of a file by their names, row by row.
+fn channels(path: &Path) -> std::collections::BTreeMap<String, Vec<f64>> {
+    let image = read_all_data_from_file(path).expect("an EXR file");
+    let layer = &image.layer_data[0];
+    let of_channel = |channel: &AnyChannel<Levels<FlatSamples>>| {
+        let Levels::Singular(samples) = &channel.sample_data else {
+            panic!("one level");
+        };
+        let values = samples.values_as_f32().map(f64::from).collect();
+        (channel.name.to_string(), values)
+    };
+    layer.channel_data.list.iter().map(of_channel).collect()
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Where the middle of a pixel is at this depth, in the world.
+fn place(specification: &Specification, view: usize, pixel: [u32; 2], depth: f64) -> [f64; 3] {
+    let geometry = specification.view_geometry(view).expect("a view");
+    let [width, height] = [specification.image.width, specification.image.height].map(f64::from);
+    let pitch = 2.0 * specification.camera.film_half_width / width;
+    let x = f64::from(pixel[0]) + 0.5 - 0.5 * width;
+    let y = 0.5 * height - f64::from(pixel[1]) - 0.5;
+    let local = [x * pitch * depth, y * pitch * depth, -depth];
+    let world = geometry.world_from_camera;
+    world[..3]
+        .iter()
+        .map(|row| dot([row[0], row[1], row[2]], local) + row[3])
+        .collect::<Vec<_>>()
+        .try_into()
+        .expect("three")
+}
+
+/// What a pixel sees of a sphere below the origin, of radius 0.05.
+fn check_sphere(at: impl Fn(&str) -> f64, place: [f64; 3], turn_deg: f64) {
+    let vector = |name: &str| ["X", "Y", "Z"].map(|axis| at(&format!("{name}.{axis}")));
+    let (normal, tangent) = (vector("normal"), vector("tangent"));
+    let from_centre = [place[0], place[1], place[2] + 0.05];
+    assert!((dot(from_centre, normal) - 0.05).abs() < 1e-6, "{place:?}");
+    assert!((dot(normal, normal) - 1.0).abs() < 1e-6);
+    assert!((dot(tangent, tangent) - 1.0).abs() < 1e-6 && dot(tangent, normal).abs() < 1e-6);
+    // The turn of the material, seen at the pole.
+    if normal[2] > 0.98 {
+        let (sine, cosine) = dataset::sin_cos_deg(turn_deg);
+        assert!((tangent[0] - cosine).abs() < 0.05, "{tangent:?}");
+        assert!((tangent[1] - sine).abs() < 0.05, "{tangent:?}");
+    }
+    let arc = 0.05 * libm::acos(normal[2]);
+    let [u, v] = [at("uv.U"), at("uv.V")].map(|place| 0.1 * (place - 0.5));
+    assert!((libm::hypot(u, v) - arc).abs() < 1e-5, "{u} {v} {arc}");
+    assert!((u * normal[1] - v * normal[0]).abs() < 1e-6);
+    assert_eq!((at("mask.chart"), at("mask.bulb")), (0.0, 0.0));
+}
+
+/// What a pixel of a sphere sees is where a ray through its middle meets it.
+#[test]
+fn what_the_pixels_see_is_written() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path();
+    let text = format!(
+        "{SMALL}[sample]\nshape = \"sphere\"\n[accuracy]\nrelative = 0.1\nabsolute = 0.1\n"
+    );
+    fs::write(path.join("sphere.toml"), &text).expect("written");
+    let specification = Specification::from_toml(&text, "sphere.toml").expect("one");
+    // The film is so low that of these views 5 alone shows the chart.
+    for view in [0, 5, 9] {
+        let arguments = format!("render --spec sphere.toml --material 3 --view {view}");
+        printed(&format!("{arguments} --aov aov.exr"), path);
+        let seen = channels(&path.join("aov.exr"));
+        let names = "depth.Z mask.bulb mask.chart mask.sample normal.X normal.Y normal.Z tangent.X \
+                     tangent.Y tangent.Z uv.U uv.V";
+        assert_eq!(seen.keys().cloned().collect::<Vec<_>>().join(" "), names);
+        let mut of_sample = 0;
+        for (index, &mask) in (0u32..).zip(&seen["mask.sample"]) {
+            if mask == 0.0 {
+                continue;
+            }
+            of_sample += 1;
+            let at = |name: &str| seen[name][index as usize];
+            let pixel = [index % 20, index / 20];
+            let place = place(&specification, view, pixel, at("depth.Z"));
+            check_sphere(at, place, specification.views[view].rotation_deg);
+        }
+        let of_chart: f64 = seen["mask.chart"].iter().sum();
+        assert!(of_sample > 20, "{of_sample} pixels of the sample");
+        assert!(
+            if view == 5 {
+                of_chart > 5.0
+            } else {
+                of_chart == 0.0
+            },
+            "view {view}"
+        );
+    }
 }

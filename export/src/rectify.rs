@@ -32,6 +32,12 @@ pub enum RectifyError {
     /// There is no such view.
     #[error("there is no view {0}")]
     NoSuchView(u32),
+    /// The sample is not flat.
+    #[error(
+        "a curved sample cannot be warped to a square: leave --rectified out, or set sample.shape to \
+         \"square\""
+    )]
+    Curved,
     /// Part of the sample is off the film.
     #[error("view {0} cannot be rectified: its film does not see the whole sample")]
     Unseen(u32),
@@ -66,8 +72,11 @@ impl Rectifier {
     /// The warp of a view to `side` x `side` pixels.
     ///
     /// # Errors
-    /// When the side is out of range or the film does not see the whole sample.
+    /// When the sample is curved, the side is out of range or the film does not see the whole sample.
     pub fn new(specification: &Specification, view: u32, side: u32) -> Result<Self, RectifyError> {
+        if !specification.sample.shape.is_square() {
+            return Err(RectifyError::Curved);
+        }
         let geometry = specification.view_geometry(view as usize);
         let geometry = geometry.ok_or(RectifyError::NoSuchView(view))?;
         let film = [specification.image.width, specification.image.height];

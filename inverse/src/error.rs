@@ -1,6 +1,6 @@
 //! What can go wrong.
 
-use dataset::{MaterialError, SpecificationError};
+use dataset::{MaterialError, SpecificationError, specification::Shape};
 use renderer::RenderError;
 
 /// Why images could not be differentiated or explained.
@@ -15,6 +15,15 @@ pub enum InverseError {
     /// A material lies outside the model.
     #[error("the material's {0}")]
     Material(#[from] MaterialError),
+    /// The sample is curved.
+    #[error(
+        "derivatives and refinement are for flat samples: images of a {shape} are traced, and noise hides \
+         what a small change of a parameter does"
+    )]
+    Curved {
+        /// The shape.
+        shape: Shape,
+    },
     /// The view's index is too large.
     #[error("there is no view {view}: the specification has {count}, counted from 0")]
     NoSuchView {

@@ -113,11 +113,15 @@ impl Observation {
     }
 }
 
-/// Checks that views exist, that there is one, and that none comes twice.
+/// Checks that the sample is flat, that views exist, that there is one, and that none comes twice.
 pub(crate) fn check_views(
     specification: &Specification,
     views: &[u32],
 ) -> Result<(), InverseError> {
+    let shape = specification.sample.shape;
+    if !shape.is_square() {
+        return Err(InverseError::Curved { shape });
+    }
     if views.is_empty() {
         return Err(InverseError::NoViews);
     }
@@ -136,6 +140,7 @@ pub(crate) fn check_views(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dataset::specification::Shape;
 
     fn refusal(views: Vec<ObservedView>) -> String {
         let mut specification = Specification::preset();
@@ -148,6 +153,15 @@ mod tests {
 
     fn black(view: u32, pixels: usize) -> ObservedView {
         ObservedView::film(view, vec![[0.0; 3]; pixels])
+    }
+
+    #[test]
+    fn curved_samples_are_refused() {
+        let mut specification = Specification::preset();
+        specification.sample.shape = Shape::Cylinder;
+        let refused = check_views(&specification, &[5]).err();
+        let said = refused.expect("refused").to_string();
+        assert!(said.contains("images of a cylinder are traced"), "{said}");
     }
 
     #[test]

@@ -21,6 +21,12 @@ const ERROR_COMMENTS: &str = "error: half the width of the 95 percent interval o
     in units of white (1 is the radiance of a perfect white diffuser at the origin which faces the \
     bulb), rounded up; the rounding of the image's pixels to 16 bits is not included";
 
+/// What the file of surfaces says of its values.
+const AOV_COMMENTS: &str = "what the middle of each pixel sees, 0 where that is nothing: depth along the \
+    camera's axis in metres; normal and tangent (the x axis of the material's frame) in the world; u \
+    and v by arcs from the origin in units of the sample's side, and 0 to 1 over the chart; masks of the \
+    fronts of sample and chart, and of the bulb";
+
 /// Why a file could not be encoded or decoded.
 #[derive(Debug, thiserror::Error)]
 pub enum ExrError {
@@ -138,6 +144,28 @@ pub fn encode_error(
         comments: Some(Text::from(ERROR_COMMENTS)),
         ..attributes(header, white_luminance)?
     };
+    write(&Image::from_layer(layer(film, attributes, channels)))
+}
+
+/// Encodes channels of 32-bit floats, named by layer as in `normal.X`. The file's layout and its header
+/// are those of the image that [`encode`] makes of `film`; a comment gives the units.
+///
+/// # Errors
+/// When the library refuses.
+pub fn encode_channels<const N: usize>(
+    film: &Film,
+    header: &ImageHeader,
+    white_luminance: f64,
+    names: [&str; N],
+    channels: [Vec<f32>; N],
+) -> std::result::Result<Vec<u8>, ExrError> {
+    let list = names.into_iter().zip(channels);
+    let list = list.map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)));
+    let attributes = LayerAttributes {
+        comments: Some(Text::from(AOV_COMMENTS)),
+        ..attributes(header, white_luminance)?
+    };
+    let channels = AnyChannels::sort(list.collect());
     write(&Image::from_layer(layer(film, attributes, channels)))
 }
 

@@ -5,6 +5,7 @@
 //! comes from + - * / and sqrt in 64 bits and from the transcendental functions of one library
 //! compiled in, and no sum depends on the schedule of threads.
 
+mod aov;
 pub mod bsdf;
 mod exr_file;
 pub mod film;

@@ -1,5 +1,6 @@
 //! One view of a material: the film with its error, and the file.
 
+use crate::aov;
 use crate::exr_file::{self, ExrError};
 use crate::film::Film;
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
@@ -250,6 +251,36 @@ impl Renderer {
             prepared.render(reflectance, interreflection.as_deref())?;
         phases.extend(others);
         Ok((film, 0, evaluations, phases))
+    }
+
+    /// Encodes what the middle of each pixel of `rendering`, which this renderer made, sees, as an EXR
+    /// file of 32-bit floats: the layers `depth` (Z, along the camera's axis, metres), `normal` and
+    /// `tangent` (X, Y, Z, in the world; the tangent is the x axis of the material's frame), `uv` (U, V)
+    /// and `mask` (sample, chart, bulb).
+    ///
+    /// # Errors
+    /// When the library refuses, or the rendering is of no view of this renderer.
+    pub fn encode_aov(&self, rendering: &Rendering) -> Result<Vec<u8>, RenderError> {
+        let view = rendering.header.view;
+        let (Some(made), Some(of_view)) = (
+            self.views.get(view as usize),
+            self.specification.views.get(view as usize),
+        ) else {
+            let count = self.views.len();
+            return Err(RenderError::NoSuchView { view, count });
+        };
+        let image = &self.specification.image;
+        let size = [image.width, image.height];
+        let channels = aov::channels(&made.scene, size, of_view.rotation_deg);
+        let white = self.specification.white_luminance();
+        let (film, header) = (&rendering.film, &rendering.header);
+        Ok(exr_file::encode_channels(
+            film,
+            header,
+            white,
+            aov::NAMES,
+            channels,
+        )?)
     }
 
     /// Encodes the stated error of each pixel of `rendering`, which this renderer made, as an EXR

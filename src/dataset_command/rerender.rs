@@ -1,6 +1,6 @@
 //! The renderer that checking and mending a store borrows.
 
-use dataset::Specification;
+use dataset::{Specification, specification::Shape};
 use datastore::verify::{Rerender, Rerendered};
 use renderer::geometry::BackendChoice;
 use renderer::reflectance::Reflectance;
@@ -100,7 +100,11 @@ fn sees_chart(scene: &Scene, specification: &Specification) -> bool {
 
 /// Whether the sample reflects the middle of the bulb to the camera somewhere on the film.
 fn sample_is_lit(scene: &Scene, specification: &Specification, reflectance: &Reflectance) -> bool {
-    let side = specification.sample.side_m;
+    // A curved sample touches the plane of the square at the origin alone.
+    let side = match specification.sample.shape {
+        Shape::Square => specification.sample.side_m,
+        Shape::Sphere | Shape::Cylinder => 0.0,
+    };
     let (width, height) = (specification.image.width, specification.image.height);
     let mut places = PLACES
         .iter()

@@ -394,6 +394,10 @@ fn a_wrong_command_line_is_refused_before_anything_is_written() {
             "--error-out x.png: the name has to end in .exr",
         ),
         (
+            "render --material 0 --view 0 --error-out x.exr --aov ./x.exr",
+            "--aov ./x.exr: --error-out names the same file",
+        ),
+        (
             "render --material 0 --view 0 --out x.exr --error-out ./x.exr",
             "the same file",
         ),

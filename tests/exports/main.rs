@@ -7,6 +7,7 @@ mod again;
 #[path = "../../datastore/tests/store/cheap_image.rs"]
 mod cheap_image;
 mod clients;
+mod curved;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../folder/mod.rs"]
 mod folder;

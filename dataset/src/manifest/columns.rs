@@ -342,7 +342,8 @@ pub(super) static COLUMNS: [Column; 58] = [
         Kind::F64List(9),
         "",
         "3 x 3 homography from film pixels (column, row; top left corner 0, 0) to the sample \
-         (u, v in 0 to 1; v up): (u w, v w, w) = H (column, row, 1).",
+         (u, v in 0 to 1; v up): (u w, v w, w) = H (column, row, 1). Where the sample is curved, to \
+         the square in z = 0 that it touches.",
         |i| flat(&i.geometry.sample_from_film),
     ),
     column(

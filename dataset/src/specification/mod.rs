@@ -209,6 +209,17 @@ pub enum Shape {
     Cylinder,
 }
 
+/// As a specification names it.
+impl std::fmt::Display for Shape {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Square => "square",
+            Self::Sphere => "sphere",
+            Self::Cylinder => "cylinder",
+        })
+    }
+}
+
 impl Shape {
     /// Whether the sample is flat: films of it can be warped to a square, and the hybrid integrator
     /// renders it.

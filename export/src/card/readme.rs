@@ -6,7 +6,10 @@ use super::{
     summary,
 };
 use crate::layout::unit::{Layout, column_name};
-use dataset::{RENDERER_VERSION, Split, specification::Pixel};
+use dataset::{
+    RENDERER_VERSION, Specification, Split,
+    specification::{Pixel, Shape},
+};
 use std::fmt::Write;
 
 /// The whole card.
@@ -230,22 +233,44 @@ fn write_channels(pixels: &Pixels, text: &mut String) -> std::fmt::Result {
     )
 }
 
+/// Where the sample is.
+fn sample(specification: &Specification) -> String {
+    let side = specification.sample.side_m;
+    match specification.sample.shape {
+        Shape::Square => {
+            format!("a square of side {side} in z = 0 with normal +z, centred at the origin")
+        }
+        Shape::Sphere => format!(
+            "a sphere of diameter {side}, whose highest point is the origin; the frame of the material \
+             is the world's there and is carried along the meridians from it"
+        ),
+        Shape::Cylinder => format!(
+            "a cylinder of diameter and length {side} along x, whose highest line is in z = 0 with its \
+             middle at the origin; the frame of the material has its x along it"
+        ),
+    }
+}
+
 fn write_geometry(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
     let specification = described.store.specification();
     writeln!(
         text,
-        "## Geometry\n\nMetres, right-handed; the sample is a square of side {} in z = 0 with \
-         normal +z, centred at the origin. The camera, a pinhole, stands {} away on the -y side \
+        "## Geometry\n\nMetres, right-handed; the sample is {}. The camera, a pinhole, stands {} away on the -y side \
          and looks at the origin, half its film's width at unit distance is {}; the bulb, a \
          sphere of radius {}, stands {} away on the +y side. Matrices are row-major and act on \
          columns. `sample_from_film` takes film points (column, row, 1), continuous from the top \
-         left corner, to (u w, v w, w) on the sample.\n\n| view | camera (deg) | light (deg) | \
+         left corner, to (u w, v w, w) on {}.\n\n| view | camera (deg) | light (deg) | \
          turn (deg) | chart |\n| --- | --- | --- | --- | --- |",
-        specification.sample.side_m,
+        sample(specification),
         specification.camera.distance_m,
         specification.camera.film_half_width,
         specification.light.radius_m,
         specification.light.distance_m,
+        if specification.sample.shape.is_square() {
+            "the sample"
+        } else {
+            "the square in z = 0 that the sample touches"
+        },
     )?;
     for &number in &described.chosen.views {
         let Some(view) = specification.views.get(number as usize) else {

@@ -1,4 +1,4 @@
-use dataset::Specification;
+use dataset::{Specification, specification::Shape};
 use export::rectify::{Rectifier, RectifyError};
 
 /// Every pixel weighs as much as it shows of the sample: a constant stays constant.
@@ -35,6 +35,9 @@ fn what_cannot_be_rectified_is_refused() {
         Some(RectifyError::NoSuchView(14))
     );
     assert!(refused(&specification, 8, 2049).is_some());
+    specification.sample.shape = Shape::Sphere;
+    assert_eq!(refused(&specification, 8, 8), Some(RectifyError::Curved));
+    specification.sample.shape = Shape::Square;
     specification.camera.film_half_width = 0.06;
     assert_eq!(refused(&specification, 8, 8), Some(RectifyError::Unseen(8)));
     // A film that is wide enough to see the horizon: its pixels up there are none of the sample.

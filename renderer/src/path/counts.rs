@@ -18,11 +18,16 @@ const STEP: u32 = 4;
 /// replicates, and those of other paths are larger as often as not.
 const MARGIN: f64 = 0.7;
 
-/// The most paths of one pixel, as a multiple of those that it begins with.
-const PIXEL_TIMES_MAX: u32 = 1024;
+/// Pixels begin with this share of the specification's paths, and no fewer than the fewest that know their
+/// error.
+const BEGIN_SHARE: u32 = 4;
+const BEGIN_MIN: u32 = 2 * REPLICATES;
 
-/// The most that an image costs, all pilots included, as a multiple of the paths that it begins with:
-/// 1,536 paths a pixel if it begins with 64. At 128 x 128 pixels they take 10 to 20 s of a core.
+/// The most paths of one pixel, as a multiple of those that it begins with.
+const PIXEL_TIMES_MAX: u32 = 4096;
+
+/// The most that an image costs, all pilots included, as a multiple of the specification's paths: 1,536
+/// a pixel where that says 64. At 128 x 128 pixels they take 10 to 20 s of a core.
 const IMAGE_TIMES_MAX: f64 = 24.0;
 
 /// Evaluations of the reflectance by cubature that take as long as a path, measured.
@@ -69,10 +74,11 @@ impl Counts {
     }
 }
 
-/// Chooses how many paths each pixel gets; each begins with `least`.
-pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, least: u32) -> Counts {
+/// Chooses how many paths each pixel gets, `samples` being the specification's.
+pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, samples: u32) -> Counts {
     let count = picture.pixels();
-    let budget = IMAGE_TIMES_MAX * f64::from(least) * count as f64;
+    let budget = IMAGE_TIMES_MAX * f64::from(samples) * count as f64;
+    let least = (samples / BEGIN_SHARE).max(BEGIN_MIN);
     let mut of_pixels = vec![least; count];
     let mut is_open = vec![true; count];
     let mut known = Traced::nothing(count);

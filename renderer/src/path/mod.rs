@@ -72,7 +72,7 @@ pub fn render(
 
 /// Renders a view of a curved sample to the specification's accuracy, as far as the limit on paths lets
 /// it: the bulb's light off what the camera sees is worked out, and the rest traced by as many paths as
-/// each pixel takes, from the specification's number on.
+/// each pixel takes.
 pub fn render_to_accuracy(
     scene: &Scene,
     reflectance: &Reflectance,
@@ -84,8 +84,8 @@ pub fn render_to_accuracy(
     let mut tracer = Tracer::new(scene, reflectance, integrator.max_bounces);
     tracer.worked_out = Some(WorkedOut::new(scene, reflectance, accuracy, instructions));
     let picture = Picture::new(specification, key);
-    let least = integrator.samples_per_pixel;
-    let counts = counts::choose(&tracer, &picture, accuracy, least);
+    let samples = integrator.samples_per_pixel;
+    let counts = counts::choose(&tracer, &picture, accuracy, samples);
     picture.trace(&tracer, &counts)
 }
 

@@ -80,6 +80,28 @@ impl SampleSurface {
         }
     }
 
+    /// Where a point of the surface is, as on the square: 0 to 1 along +x and +y across a square, and by
+    /// arcs from the origin in units of its side on others. On a sphere the arc is the meridian's.
+    pub fn uv(&self, position: Vec3) -> [f64; 2] {
+        let (across, side) = match self {
+            Self::Square(square) => ([position.x, position.y], square.u_length),
+            Self::Sphere(sphere) => {
+                let offset = position - sphere.centre;
+                let outward = libm::hypot(offset.x, offset.y);
+                let arc = sphere.radius * libm::atan2(outward, offset.z);
+                // At the pole the arc is as long as its shadow.
+                let scale = if outward > 0.0 { arc / outward } else { 1.0 };
+                ([offset.x * scale, offset.y * scale], 2.0 * sphere.radius)
+            }
+            Self::Cylinder(cylinder) => {
+                let offset = position - cylinder.start;
+                let arc = cylinder.radius * libm::atan2(offset.y, offset.z);
+                ([position.x, arc], 2.0 * cylinder.radius)
+            }
+        };
+        across.map(|along| 0.5 + along / side)
+    }
+
     /// The least ball that holds it.
     pub fn ball(&self) -> Sphere {
         match *self {
@@ -226,6 +248,35 @@ mod tests {
                 assert!((turned - carried).length() < 1e-12, "{at:?}");
             }
         }
+    }
+
+    /// A small step along the frame's x or y at the origin moves u or v by its length.
+    #[test]
+    fn surface_coordinates_are_the_squares_at_the_origin() {
+        let step = 1e-5;
+        for surface in surfaces() {
+            assert_eq!(surface.uv(Vec3::default()), [0.5, 0.5]);
+            for (x, y) in [(step, 0.0), (0.0, step), (step, step)] {
+                let [u, v] = surface.uv(Vec3::new(x, y, 0.0));
+                assert!((0.1 * (u - 0.5) - x).abs() < 1e-3 * step, "{u}");
+                assert!((0.1 * (v - 0.5) - y).abs() < 1e-3 * step, "{v}");
+            }
+        }
+    }
+
+    #[test]
+    fn arcs_are_as_long_as_on_the_surface() {
+        let [square, sphere, cylinder] = surfaces();
+        let quarter = 0.05 * std::f64::consts::FRAC_PI_2 / 0.1;
+        let at_equator = Vec3::new(0.0, 0.05, -0.05);
+        for surface in [sphere, cylinder] {
+            let [u, v] = surface.uv(at_equator);
+            assert!(
+                (u - 0.5).abs() < 1e-15 && (v - 0.5 - quarter).abs() < 1e-12,
+                "{v}"
+            );
+        }
+        assert_eq!(square.uv(Vec3::new(0.05, -0.05, 0.0)), [1.0, 0.0]);
     }
 
     #[test]
