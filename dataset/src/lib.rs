@@ -24,6 +24,7 @@ pub mod keystream;
 pub mod manifest;
 mod material;
 mod pixel_statistics;
+mod sample_on_film;
 mod sampling;
 pub mod sobol;
 pub mod specification;

@@ -1,6 +1,6 @@
 //! How bright an image of the sample is.
 
-use crate::Specification;
+use crate::{Specification, sample_on_film::SampleOnFilm};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -14,8 +14,8 @@ pub const DARK_BELOW: f64 = 1.0 / 255.0;
 /// The brightness of an image over the sample: a function of its pixels and its view.
 ///
 /// A pixel's brightness is its luminance in units of white, of the values that the file has. Pixels of
-/// the sample are those whose centre lies on its square, whatever stands before it. Where there are
-/// none, all numbers are 0.
+/// the sample are those whose centre lies on its square or on the front of a curved sample, whatever
+/// stands before it. Where there are none, all numbers are 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PixelStatistics {
@@ -44,11 +44,11 @@ impl PixelStatistics {
         if count != width * specification.image.height as usize || count == 0 {
             return None;
         }
-        let homography = specification.view_geometry(view as usize)?.sample_from_film;
+        let sample = SampleOnFilm::new(specification, view)?;
         let places = (0..).map(|place: usize| (place % width, place / width));
         let of_sample = pixels
             .zip(places)
-            .filter(|(_, (column, row))| is_sample(&homography, *column, *row));
+            .filter(|(_, (column, row))| sample.holds(*column, *row));
         let mut of_sample: Vec<f64> = of_sample.map(|(pixel, _)| brightness(pixel)).collect();
         let sample_share = of_sample.len() as f64 / count as f64;
         Some(Self::of_sample(sample_share, &mut of_sample))
@@ -57,11 +57,10 @@ impl PixelStatistics {
     /// Which pixels of a view's film, row by row from the top, are of the sample; `None` where the
     /// specification has no such view.
     pub fn mask(specification: &Specification, view: u32) -> Option<Vec<bool>> {
-        let homography = specification.view_geometry(view as usize)?.sample_from_film;
+        let sample = SampleOnFilm::new(specification, view)?;
         let (width, height) = (specification.image.width, specification.image.height);
         let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-        let pixels =
-            pixels.map(|(column, row)| is_sample(&homography, column as usize, row as usize));
+        let pixels = pixels.map(|(column, row)| sample.holds(column as usize, row as usize));
         Some(pixels.collect())
     }
 
@@ -120,14 +119,6 @@ impl fmt::Display for PixelStatistics {
             self.sample_share
         )
     }
-}
-
-/// Whether a pixel's centre lies on the sample, given the map from film to sample.
-fn is_sample([to_u, to_v, to_w]: &[[f64; 3]; 3], column: usize, row: usize) -> bool {
-    let (x, y) = (column as f64 + 0.5, row as f64 + 0.5);
-    let along = |[a, b, c]: &[f64; 3]| a * x + b * y + c;
-    let (u, v, w) = (along(to_u), along(to_v), along(to_w));
-    w > 0.0 && (0.0..=w).contains(&u) && (0.0..=w).contains(&v)
 }
 
 /// The luminance of linear Rec.709, in units of white.

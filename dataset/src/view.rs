@@ -100,6 +100,12 @@ pub(crate) fn camera_position(distance_m: f64, elevation_deg: f64) -> [f64; 3] {
     position(&world_from_looker(distance_m, elevation_deg, -1.0))
 }
 
+/// A pixel's side at unit distance.
+pub(crate) fn film_pitch(specification: &Specification) -> f64 {
+    let half_columns = f64::from(specification.image.width) / 2.0;
+    specification.camera.film_half_width / half_columns
+}
+
 /// A ray through film point (x, y) at unit distance has direction (x, y s + c, y c - s), where s
 /// and c are the elevation's sine and cosine. From D (0, -c, s) it meets z = 0 at
 /// (D x / w, D y / (s w)) with w = 1 - y c / s: a homography.
@@ -109,8 +115,7 @@ fn sample_from_film(specification: &Specification, elevation_deg: f64) -> [[f64;
     let half_columns = f64::from(specification.image.width) / 2.0;
     let half_rows = f64::from(specification.image.height) / 2.0;
     let (sine, cosine) = sin_cos_deg(elevation_deg);
-    // A pixel's side at unit distance.
-    let pitch = specification.camera.film_half_width / half_columns;
+    let pitch = film_pitch(specification);
     let along_x = distance_m * pitch / side_m;
     let along_y = distance_m * pitch / (side_m * sine);
     // w = w_row * row + w_0

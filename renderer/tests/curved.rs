@@ -3,7 +3,7 @@
 mod plain_path;
 
 use dataset::{
-    Material, Specification,
+    Material, PixelStatistics, Specification,
     specification::{IntegratorKind, Shape, View},
 };
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use renderer::{
     geometry::BackendChoice,
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
-    scene::Scene,
+    scene::{Encounter, SAMPLE, Scene},
 };
 
 const SHAPES: [Shape; 2] = [Shape::Sphere, Shape::Cylinder];
@@ -199,6 +199,28 @@ fn at_the_origin_curved_samples_are_as_bright_as_the_square() {
                     off <= allowed,
                     "{shape:?}, view {view}: {curved:?} {square:?}"
                 );
+            }
+        }
+    }
+}
+
+/// Brightness is of the pixels whose middle sees the sample.
+#[test]
+fn the_pixels_of_a_curved_sample_are_those_that_see_it() {
+    for shape in SHAPES {
+        let specification = specification(shape, 64);
+        for view in 0..14 {
+            let scene = Scene::new(&specification, view, BackendChoice::Native)
+                .expect("a view")
+                .expect("a scene");
+            let mask = PixelStatistics::mask(&specification, view as u32).expect("a view");
+            for (index, is_sample) in (0u32..).zip(mask) {
+                let [x, y] = [index % 64, index / 64].map(|at| f64::from(at) + 0.5);
+                let sees = match scene.encounter(&scene.camera.ray(x, y), None) {
+                    Some(Encounter::Surface(surface)) => surface.primitive == SAMPLE,
+                    _ => false,
+                };
+                assert_eq!(is_sample, sees, "{shape:?}, view {view}, ({x}, {y})");
             }
         }
     }

@@ -1,0 +1,83 @@
+//! Where on a film the sample is.
+
+use crate::{
+    Specification,
+    specification::Shape,
+    view::{ViewGeometry, film_pitch},
+};
+
+/// A film and the sample on it.
+pub(crate) struct SampleOnFilm {
+    geometry: ViewGeometry,
+    shape: Shape,
+    side_m: f64,
+    /// A pixel's side at unit distance.
+    pitch: f64,
+    /// Half of the film's columns and rows.
+    middle: [f64; 2],
+}
+
+impl SampleOnFilm {
+    /// That of a view; `None` where the specification has no such view.
+    pub fn new(specification: &Specification, view: u32) -> Option<Self> {
+        let image = &specification.image;
+        Some(Self {
+            geometry: specification.view_geometry(view as usize)?,
+            shape: specification.sample.shape,
+            side_m: specification.sample.side_m,
+            pitch: film_pitch(specification),
+            middle: [image.width, image.height].map(|side| 0.5 * f64::from(side)),
+        })
+    }
+
+    /// Whether a pixel's centre lies on the front of the sample, whatever stands before it.
+    pub fn holds(&self, column: usize, row: usize) -> bool {
+        let at = [column as f64 + 0.5, row as f64 + 0.5];
+        match self.shape {
+            Shape::Square => self.is_on_square(at),
+            Shape::Sphere => self.chord(at, [0, 1, 2]).is_some(),
+            Shape::Cylinder => self.chord(at, [1, 2]).is_some_and(|near| {
+                let x = self.origin(0) + near * self.direction(at)[0];
+                x.abs() <= 0.5 * self.side_m
+            }),
+        }
+    }
+
+    fn is_on_square(&self, [x, y]: [f64; 2]) -> bool {
+        let along = |[a, b, c]: &[f64; 3]| a * x + b * y + c;
+        let [u, v, w] = self.geometry.sample_from_film.each_ref().map(along);
+        w > 0.0 && (0.0..=w).contains(&u) && (0.0..=w).contains(&v)
+    }
+
+    fn origin(&self, axis: usize) -> f64 {
+        self.geometry.camera_position[axis]
+    }
+
+    /// From the camera to a film point at unit depth, in the world.
+    fn direction(&self, [x, y]: [f64; 2]) -> [f64; 3] {
+        let right = (x - self.middle[0]) * self.pitch;
+        let up = (self.middle[1] - y) * self.pitch;
+        std::array::from_fn(|axis| {
+            let [of_right, of_up, of_back, _] = self.geometry.world_from_camera[axis];
+            of_right * right + of_up * up - of_back
+        })
+    }
+
+    /// How far along its direction a film point first sees the sphere about (0, 0, -r), or with two axes
+    /// the circle there in their plane; the camera is outside of both.
+    fn chord<const N: usize>(&self, at: [f64; 2], axes: [usize; N]) -> Option<f64> {
+        let radius = 0.5 * self.side_m;
+        let direction = self.direction(at);
+        let dot = |a: [f64; N], b: [f64; N]| (0..N).map(|axis| a[axis] * b[axis]).sum::<f64>();
+        let direction = axes.map(|axis| direction[axis]);
+        let to_centre = axes.map(|axis| {
+            let centre = if axis == 2 { -radius } else { 0.0 };
+            centre - self.origin(axis)
+        });
+        let square = dot(direction, direction);
+        let along = dot(direction, to_centre);
+        let beyond = dot(to_centre, to_centre) - radius * radius;
+        let discriminant = along * along - square * beyond;
+        (along > 0.0 && discriminant >= 0.0).then(|| beyond / (along + discriminant.sqrt()))
+    }
+}
