@@ -254,6 +254,39 @@ fn bytes_of_curved_samples_depend_on_nothing_but_the_specification() {
     }
 }
 
+/// Of charts with few patches each is sampled by itself, and those with many are sampled as a whole.
+#[test]
+fn a_pixel_may_see_all_of_a_chart() {
+    for patches in [8, 64] {
+        one_pixel_of_a_chart(patches);
+    }
+}
+
+fn one_pixel_of_a_chart(patches: u32) {
+    let mut specification = specification(Shape::Sphere, 1);
+    let chart = &mut specification.checker;
+    (chart.columns, chart.rows) = (patches, patches);
+    chart.pitch_m = 0.192 / f64::from(patches);
+    chart.patches_srgb8 = (0..patches * patches)
+        .map(|patch| [(patch % 251) as u8, (patch % 7 * 36) as u8, 200])
+        .collect();
+    specification.camera.film_half_width = 1.0;
+    specification.accuracy.relative = 1e-2;
+    let hybrid = render(&renderer(&specification), &lambertian(), 4);
+    specification.integrator.kind = IntegratorKind::Path;
+    specification.integrator.samples_per_pixel = 1 << 16;
+    let path = render(&renderer(&specification), &lambertian(), 4);
+    let [found, expected] = [&hybrid, &path].map(|image| image.film.pixels[0]);
+    for channel in 0..3 {
+        let off = (found.value[channel] - expected.value[channel]).abs();
+        assert!(
+            off <= found.error + expected.error,
+            "{found:?} {expected:?}"
+        );
+    }
+    assert!(found.error < 0.1 * found.value[2], "{found:?}");
+}
+
 /// However fine the accuracy, an image stops at its limit, and says what it could not reach.
 #[test]
 fn an_accuracy_that_no_path_reaches_ends_at_the_limit() {

@@ -94,12 +94,12 @@ pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, sampl
         let traced = is_open.iter().filter(|open| **open).count();
         each = cost(of_pilot) / (traced as f64 * f64::from(paths));
         spent = spent + of_pilot;
-        let with_unseen = known.with_unseen(picture.width);
-        for index in (0..count)
-            .filter(|index| is_open[*index])
-            .collect::<Vec<_>>()
-        {
-            let pixel = &with_unseen[index];
+        let so_far = known.so_far(picture.width);
+        for index in 0..count {
+            if !is_open[index] {
+                continue;
+            }
+            let pixel = &so_far[index];
             let allowed = MARGIN * target(accuracy, pixel.value);
             is_open[index] = pixel.error > f64::from(STEP).sqrt() * allowed;
             of_pixels[index] = if pixel.error > allowed {

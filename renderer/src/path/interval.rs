@@ -42,14 +42,11 @@ pub fn estimate(means: &[[f64; 3]; REPLICATES as usize], unseen: f64) -> FilmPix
     pixel
 }
 
-/// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths a
-/// pixel was traced; `None` sees nothing, and so misses nothing.
-pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: impl Fn(usize) -> Option<u32>) {
+/// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths each
+/// was traced; one of 0 sees nothing, and so misses nothing.
+pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32]) {
     let height = pixels.len() / width;
-    for index in 0..pixels.len() {
-        let Some(paths) = paths(index) else {
-            continue;
-        };
+    for index in (0..pixels.len()).filter(|&index| paths[index] > 0) {
         let (column, row) = (index % width, index / width);
         let mut largest = 0.0f64;
         for row in row.saturating_sub(1)..=(row + 1).min(height - 1) {
@@ -60,6 +57,6 @@ pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: impl Fn(usize) 
                 }
             }
         }
-        pixels[index].error += NEIGHBOUR_SHARE / f64::from(paths) * largest;
+        pixels[index].error += NEIGHBOUR_SHARE / f64::from(paths[index]) * largest;
     }
 }

@@ -385,14 +385,19 @@ fn to_bulb(
     Some(glint.map_or_else(over_cone, |glint| (glint.wi, glint.density)))
 }
 
+/// The most patches that are sampled each by itself: a pixel that sees them all has so many times its
+/// paths.
+const PATCHES_MAX: usize = 100;
+
 /// What the chart may fill of the film. Beside a curved sample each of its patches is sampled by itself,
-/// so that no path has to find their edges.
+/// if they are not too many, so that no path has to find their edges.
 fn chart_outlines(scene: &Scene) -> Vec<(Target, Outline)> {
     let (Some(rectangle), Some(chart)) = (scene.chart_rectangle(), &scene.chart) else {
         return Vec::new();
     };
     let polygons = match scene.sample {
         SampleSurface::Square(_) => vec![rectangle.corners()],
+        _ if chart.patches().len() > PATCHES_MAX => vec![rectangle.corners()],
         _ => chart.plane().outlines(),
     };
     let outlines = polygons.iter().map(|corners| {

@@ -39,7 +39,7 @@ impl Picture {
             film: Film {
                 width: self.width as u32,
                 height: self.height,
-                pixels: known.with_unseen(self.width),
+                pixels: known.finished(self.width),
             },
             paths: counts.spent.paths + spent.paths,
             evaluations: counts.spent.evaluations + spent.evaluations,
@@ -71,33 +71,32 @@ impl std::iter::Sum for Spent {
     }
 }
 
-/// A pixel that was traced.
-#[derive(Clone, Copy, Debug, Default)]
-struct TracedPixel {
-    film: FilmPixel,
-    /// What the pixel sees: the number of surfaces.
-    parts: u8,
-    /// Paths to each of them.
-    paths: u32,
-}
-
 /// What is known of a film.
-pub struct Traced(Vec<TracedPixel>);
+pub struct Traced {
+    pixels: Vec<FilmPixel>,
+    /// By how many paths to each thing that it sees a pixel was traced; 0 for one that sees nothing.
+    paths: Vec<u32>,
+}
 
 impl Traced {
     /// A film of `count` pixels of which nothing is known.
     pub fn nothing(count: usize) -> Self {
-        Self(vec![TracedPixel::default(); count])
+        Self {
+            pixels: vec![FilmPixel::default(); count],
+            paths: vec![0; count],
+        }
     }
 
     /// The pixels, with what they may miss of features that their neighbours show.
-    pub fn with_unseen(&self, width: usize) -> Vec<FilmPixel> {
-        let mut pixels: Vec<FilmPixel> = self.0.iter().map(|pixel| pixel.film).collect();
-        let paths = |index: usize| match self.0[index] {
-            TracedPixel { parts: 0, .. } => None,
-            TracedPixel { paths, .. } => Some(paths),
-        };
-        interval::add_unseen(&mut pixels, width, paths);
+    pub fn finished(mut self, width: usize) -> Vec<FilmPixel> {
+        interval::add_unseen(&mut self.pixels, width, &self.paths);
+        self.pixels
+    }
+
+    /// The same of a film that more is to be known of.
+    pub fn so_far(&self, width: usize) -> Vec<FilmPixel> {
+        let mut pixels = self.pixels.clone();
+        interval::add_unseen(&mut pixels, width, &self.paths);
         pixels
     }
 }
@@ -112,14 +111,16 @@ pub fn trace(
     known: &mut Traced,
     paths: impl Fn(usize) -> u32 + Sync,
 ) -> Spent {
-    let lines = known.0.par_chunks_mut(picture.width);
-    let of_lines = lines.zip(0..picture.height).map(|(line, row)| {
+    let lines = known.pixels.par_chunks_mut(picture.width);
+    let lines = lines.zip(known.paths.par_chunks_mut(picture.width));
+    let of_lines = lines.zip(0..picture.height).map(|((pixels, seen), row)| {
         let mut spent = Spent::default();
-        for (pixel, column) in line.iter_mut().zip(0..) {
+        for ((pixel, seen), column) in pixels.iter_mut().zip(seen).zip(0..) {
             let paths = paths(row as usize * picture.width + column as usize);
             if paths > 0 {
-                let (traced, of_pixel) = traced(tracer, picture, [column, row], first, paths);
-                *pixel = traced;
+                let of_pixel;
+                (*pixel, of_pixel) = traced(tracer, picture, [column, row], first, paths);
+                *seen = if of_pixel.paths > 0 { paths } else { 0 };
                 spent = spent + of_pixel;
             }
         }
@@ -134,7 +135,7 @@ fn traced(
     [column, row]: [u32; 2],
     first: u32,
     paths: u32,
-) -> (TracedPixel, Spent) {
+) -> (FilmPixel, Spent) {
     let footprint = tracer.footprint(column, row);
     let mut means = [[0.0; 3]; REPLICATES as usize];
     let mut scratch = Scratch::default();
@@ -149,10 +150,9 @@ fn traced(
         let largest = film.value.into_iter().fold(0.0, f64::max);
         film.error += worked_out.stated * largest;
     }
-    let parts = footprint.parts.len() as u8;
     let spent = Spent {
-        paths: u64::from(parts) * u64::from(paths),
+        paths: footprint.parts.len() as u64 * u64::from(paths),
         evaluations: scratch.evaluations,
     };
-    (TracedPixel { film, parts, paths }, spent)
+    (film, spent)
 }
