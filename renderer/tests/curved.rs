@@ -60,6 +60,14 @@ fn smooth() -> Material {
     }
 }
 
+/// The narrowest lobe there is.
+fn mirror() -> Material {
+    Material {
+        roughness: 0.0,
+        ..smooth()
+    }
+}
+
 /// A pixel by plain paths all over it: the mean and its standard error.
 fn plainly(scene: &Scene, reflectance: &Reflectance, pixel: [u32; 2], key: u64) -> [[f64; 2]; 3] {
     const REPLICATES: u32 = 32;
@@ -141,7 +149,9 @@ fn curved_samples_agree_with_plain_paths() {
 fn stated_errors_of_curved_samples_hold() {
     let cases: Vec<(Shape, Material, u32)> = SHAPES
         .into_iter()
-        .flat_map(|shape| [rough(), lambertian(), smooth()].map(|material| (shape, material)))
+        .flat_map(|shape| {
+            [rough(), lambertian(), smooth(), mirror()].map(|material| (shape, material))
+        })
         .flat_map(|(shape, material)| [0, 5, 8, 12].map(|view| (shape, material, view)))
         .collect();
     cases.par_iter().for_each(|(shape, material, view)| {
