@@ -6,6 +6,7 @@ BRDFARM is the program, AXE the script of axe-core, FOLDER a folder for screensh
 """
 
 import pathlib
+import re
 import signal
 import subprocess
 import sys
@@ -274,7 +275,7 @@ def screenshots(farm):
                     time.sleep(1.5)
                     wide = browser.run("return document.documentElement.scrollWidth")
                     assert wide <= width, f"{page} is {wide} wide at {width}"
-                    name = page.split("?")[0].replace("/", "-")
+                    name = re.sub("[/?&=]", "-", page)
                     shade = "dark" if dark else "light"
                     browser.screenshot(FOLDER / f"{name}-{width}-{shade}.png")
     step("no page is wider than its window at 400 and 1600 px, light and dark")

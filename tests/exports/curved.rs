@@ -23,6 +23,13 @@ fn a_dataset_of_cylinders_is_rendered_verified_and_exported() {
     place.succeed("run --spec spec.toml");
     let verified = place.succeed("dataset verify --rerender 100%");
     assert!(verified.contains("rendered 28 images again"), "{verified}");
+    place.succeed("dataset manifest export --format jsonl --out rows.jsonl");
+    let rows = fs::read_to_string(place.path().join("rows.jsonl")).unwrap();
+    assert_eq!(
+        rows.matches("\"sample_shape\":\"cylinder\"").count(),
+        28,
+        "{rows}"
+    );
     place.succeed("dataset export out --layout files");
     let card = fs::read_to_string(place.path().join("out/README.md")).unwrap();
     assert!(card.contains("the sample is a cylinder of diameter and length 0.1 along x"));

@@ -55,7 +55,7 @@ fn bin(image: &Image<'_>, parameter: usize) -> Value {
 }
 
 /// Every column with the function that gives its value, in the manifest's order.
-pub(super) static COLUMNS: [Column; 58] = [
+pub(super) static COLUMNS: [Column; 59] = [
     column("dataset", Kind::Text, "", "The dataset's name.", |i| {
         text(&i.specification.name)
     }),
@@ -451,5 +451,12 @@ pub(super) static COLUMNS: [Column; 58] = [
         "1",
         "rgb90_linear over the same number.",
         |i| flat(&[i.sampled.material.scaled(i.specification.tint).rgb90]),
+    )),
+    later(column(
+        "sample_shape",
+        Kind::Text,
+        "",
+        "The shape of the sample: square, sphere or cylinder.",
+        |i| text(i.specification.sample.shape),
     )),
 ];

@@ -227,13 +227,9 @@ fn read_csv<E: From<ReadError>>(
     let mut reader = csv::Reader::from_path(path).map_err(damaged)?;
     let expected = super::csv::names();
     let names = reader.headers().map_err(damaged)?;
-    // Manifests of earlier versions end sooner, where the optional columns begin.
-    let ends_sooner = names.len() == required_fields();
-    let expected = expected.iter().take(if ends_sooner {
-        names.len()
-    } else {
-        expected.len()
-    });
+    // Manifests of earlier versions end sooner, among the optional columns.
+    let fields = names.len().clamp(required_fields(), expected.len());
+    let expected = expected.iter().take(fields);
     if let Some((found, name)) = names
         .iter()
         .chain(std::iter::repeat(""))
@@ -248,8 +244,7 @@ fn read_csv<E: From<ReadError>>(
         if !reader.read_record(&mut record).map_err(damaged)? {
             break;
         }
-        let row =
-            row_of_record(&record, ends_sooner).map_err(|reason| bad_row(path, number, reason))?;
+        let row = row_of_record(&record, fields).map_err(|reason| bad_row(path, number, reason))?;
         take(number, row)?;
     }
     Ok(())
@@ -265,15 +260,20 @@ fn required_fields() -> usize {
     fields.sum()
 }
 
-fn row_of_record(record: &csv::StringRecord, ends_sooner: bool) -> Result<Row, String> {
-    let mut fields = record.iter();
+/// The row of a record whose manifest has this many fields a row.
+fn row_of_record(record: &csv::StringRecord, count: usize) -> Result<Row, String> {
+    let mut fields = record.iter().take(count);
+    let mut left = count;
     let values = columns()
         .iter()
         .map(|column| {
-            if ends_sooner && column.optional {
+            if left == 0 && column.optional {
                 return Ok(Value::Missing);
             }
-            let mut next = || fields.next().unwrap_or_default();
+            let mut next = || {
+                left = left.saturating_sub(1);
+                fields.next().unwrap_or_default()
+            };
             let field = next();
             let wrong = || {
                 format!(
