@@ -167,6 +167,7 @@ def filters(farm, browser):
     browser.type("[name=roughness_max]", "40")
     browser.run("document.querySelector('[name=sort]').value = '-ior'")
     browser.click("form.filter button")
+    browser.wait("filtered", lambda: "?" in browser.address())
     address, text = browser.address(), browser.text()
     assert "roughness_max=40" in address and "sort=-ior" in address, address
     assert "ior_min" not in address, address
