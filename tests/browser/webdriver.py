@@ -84,7 +84,13 @@ class Browser:
         return found[ELEMENT]
 
     def click(self, css):
-        self._call("POST", f"{self.session}/element/{self.find(css)}/click", {})
+        while True:
+            try:
+                return self._call("POST", f"{self.session}/element/{self.find(css)}/click", {})
+            except AssertionError as error:
+                # Live sections are renewed between finding and clicking.
+                if "stale element" not in str(error):
+                    raise
 
     def type(self, css, text):
         self._call("POST", f"{self.session}/element/{self.find(css)}/value", {"text": text})

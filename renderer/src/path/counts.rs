@@ -18,9 +18,9 @@ const STEP: u32 = 4;
 /// replicates, and those of other paths are larger as often as not.
 const MARGIN: f64 = 0.7;
 
-/// Pixels begin with this share of the specification's paths, and no fewer than the fewest that know their
-/// error.
-const BEGIN_SHARE: u32 = 4;
+/// Pixels begin with the specification's paths divided by this, and with no fewer than the fewest that know
+/// their error.
+const BEGIN_DIVISOR: u32 = 4;
 const BEGIN_MIN: u32 = 2 * REPLICATES;
 
 /// The most paths of one pixel, as a multiple of those that it begins with.
@@ -47,7 +47,7 @@ pub struct Counts {
 }
 
 impl Counts {
-    /// As many for each pixel.
+    /// The same number for each pixel.
     pub fn even(pixels: usize, paths: u32) -> Self {
         Self {
             of_pixels: vec![paths; pixels],
@@ -78,7 +78,7 @@ impl Counts {
 pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, samples: u32) -> Counts {
     let count = picture.pixels();
     let budget = IMAGE_TIMES_MAX * f64::from(samples) * count as f64;
-    let least = (samples / BEGIN_SHARE).max(BEGIN_MIN);
+    let least = (samples / BEGIN_DIVISOR).max(BEGIN_MIN);
     let mut of_pixels = vec![least; count];
     let mut is_open = vec![true; count];
     let mut known = Traced::nothing(count);

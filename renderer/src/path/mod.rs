@@ -114,6 +114,8 @@ struct Scratch {
     batch: SlopeBatch,
     reach: Reach,
     evaluations: u64,
+    /// At most what the rule over the bulb is off by.
+    rule_error: f64,
 }
 
 /// What the paths of a footprint begin with.
@@ -290,7 +292,7 @@ impl<'a> Tracer<'a> {
             let wo = surface.frame.to_local(viewer);
             let point = sampler.point(Dimension::Light(bounce), index);
             let worked_out = match &self.worked_out {
-                Some(worked_out) => worked_out.toward(&surface, wo, bounce, scratch),
+                Some(worked_out) => worked_out.toward(&surface, wo, [bounce, index], scratch),
                 None => None,
             };
             let direct = worked_out.unwrap_or_else(|| self.direct(&surface, &bsdf, wo, point));

@@ -146,10 +146,7 @@ fn traced(
     }
     let unseen = tracer.bulb_gap(&footprint) + tracer.chart_max * scratch.reach.unseen(paths);
     let mut film = interval::estimate(&means, unseen);
-    if let Some(worked_out) = &tracer.worked_out {
-        let largest = film.value.into_iter().fold(0.0, f64::max);
-        film.error += worked_out.stated * largest;
-    }
+    film.error += scratch.rule_error;
     let spent = Spent {
         paths: footprint.parts.len() as u64 * u64::from(paths),
         evaluations: scratch.evaluations,
