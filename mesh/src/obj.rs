@@ -22,52 +22,11 @@ const ABSENT: u32 = u32::MAX;
 /// Numbers after `v`: three coordinates, a weight, a colour.
 const NUMBERS_MAX: usize = 7;
 
-/// Statements of the format that say nothing about triangles (Wavefront, "Advanced Visualizer",
-/// appendix B1).
-const IGNORED: [&[u8]; 42] = [
-    b"g",
-    b"o",
-    b"s",
-    b"l",
-    b"p",
-    b"vp",
-    b"mtllib",
-    b"usemtl",
-    b"usemap",
-    b"maplib",
-    b"mg",
-    b"bevel",
-    b"c_interp",
-    b"d_interp",
-    b"lod",
-    b"shadow_obj",
-    b"trace_obj",
-    b"ctech",
-    b"stech",
-    b"cstype",
-    b"deg",
-    b"bmat",
-    b"step",
-    b"curv",
-    b"curv2",
-    b"surf",
-    b"parm",
-    b"trim",
-    b"hole",
-    b"scrv",
-    b"sp",
-    b"end",
-    b"con",
-    b"call",
-    b"csh",
-    b"bsp",
-    b"bzp",
-    b"cdc",
-    b"cdp",
-    b"res",
-    b"vc",
-    b"usemat",
-];
+/// Statements that say nothing about triangles: those of the format (Wavefront, "Advanced Visualizer",
+/// appendix B1), and two that other programs write.
+const IGNORED: &str = "g usemtl o s l p vp mtllib usemap maplib mg bevel c_interp d_interp lod \
+    shadow_obj trace_obj ctech stech cstype deg bmat step curv curv2 surf parm trim hole scrv sp end \
+    con call csh bsp bzp cdc cdp res vc usemat";
 
 /// What a corner's three indices count, in their order.
 const COUNTED: [&str; 3] = ["vertex", "texture coordinate", "normal"];
@@ -83,7 +42,7 @@ struct Reader {
     normals: Vec<[f64; 3]>,
     triangles: Vec<[u32; 3]>,
     /// Vertices of the mesh: each corner once, with the line of its first use.
-    corners: Vec<(Corner, usize)>,
+    corners: Vec<(Corner, u32)>,
     vertex_of_corner: HashMap<Corner, u32>,
     /// Whether corners have texture coordinates and normals, once the first face has said so.
     has: Option<[bool; 2]>,
@@ -93,23 +52,31 @@ struct Reader {
 pub fn read(bytes: &[u8]) -> Result<Mesh, MeshError> {
     let mut reader = Reader::default();
     let mut lines = Lines::of(bytes);
-    while let Some((line, _)) = lines.take() {
+    while let Some(line) = next_statement(&mut lines) {
         let number = lines.number();
-        let line = continued(line, &mut lines);
-        reader.statement(&line, number)?;
+        let statement = continued(line, &mut lines);
+        reader.statement(&statement, number)?;
     }
     reader.into_mesh()
 }
 
-/// The line, joined with those that follow where it ends with a backslash.
-fn continued<'a>(line: &'a [u8], lines: &mut Lines<'a>) -> Cow<'a, [u8]> {
-    let Some(start) = line.trim_ascii_end().strip_suffix(b"\\") else {
-        return Cow::Borrowed(line);
+/// The next line up to its comment.
+fn next_statement<'a>(lines: &mut Lines<'a>) -> Option<&'a [u8]> {
+    let (line, _) = lines.take()?;
+    let comment = line.iter().position(|byte| *byte == b'#');
+    let statement = comment.and_then(|at| line.get(..at)).unwrap_or(line);
+    Some(statement.trim_ascii_end())
+}
+
+/// The statement, joined with the lines that follow where it ends with a backslash. A backslash at the
+/// end of a comment does not count, since it may be that of a folder's name.
+fn continued<'a>(statement: &'a [u8], lines: &mut Lines<'a>) -> Cow<'a, [u8]> {
+    let Some(start) = statement.strip_suffix(b"\\") else {
+        return Cow::Borrowed(statement);
     };
     let mut joined = start.to_vec();
-    while let Some((next, _)) = lines.take() {
+    while let Some(next) = next_statement(lines) {
         joined.push(b' ');
-        let next = next.trim_ascii_end();
         let Some(next) = next.strip_suffix(b"\\") else {
             joined.extend(next);
             break;
@@ -125,9 +92,7 @@ fn syntax(line: usize, message: impl Into<String>) -> MeshError {
 }
 
 impl Reader {
-    fn statement(&mut self, line: &[u8], number: usize) -> Result<(), MeshError> {
-        let comment = line.iter().position(|byte| *byte == b'#');
-        let mut rest = comment.and_then(|at| line.get(..at)).unwrap_or(line);
+    fn statement(&mut self, mut rest: &[u8], number: usize) -> Result<(), MeshError> {
         let Some(keyword) = take_word(&mut rest) else {
             return Ok(());
         };
@@ -146,7 +111,7 @@ impl Reader {
                 push(&mut self.normals, [x, y, z], 2)
             }
             b"f" => self.face(rest, number),
-            _ if IGNORED.contains(&keyword) => Ok(()),
+            _ if is_ignored(keyword) => Ok(()),
             _ => Err(syntax(
                 number,
                 format!(
@@ -220,7 +185,7 @@ impl Reader {
         let new = self.corners.len() as u32;
         let vertex = *self.vertex_of_corner.entry(corner).or_insert(new);
         if vertex == new {
-            push(&mut self.corners, (corner, line), 0)?;
+            push(&mut self.corners, (corner, line as u32), 0)?;
         }
         Ok(vertex)
     }
@@ -232,13 +197,13 @@ impl Reader {
         };
         let corners = &self.corners;
         let parts = Parts {
-            positions: looked_up(corners, 0, &self.positions)?,
+            positions: looked_up(corners, 0, self.positions)?,
             triangles: self.triangles,
             uvs: has_uvs
-                .then(|| looked_up(corners, 1, &self.uvs))
+                .then(|| looked_up(corners, 1, self.uvs))
                 .transpose()?,
             normals: has_normals
-                .then(|| looked_up(corners, 2, &self.normals))
+                .then(|| looked_up(corners, 2, self.normals))
                 .transpose()?,
             tangents: None,
         };
@@ -252,6 +217,11 @@ impl Reader {
             }
         })
     }
+}
+
+fn is_ignored(keyword: &[u8]) -> bool {
+    let mut ignored = IGNORED.split_ascii_whitespace();
+    ignored.any(|known| known.as_bytes() == keyword)
 }
 
 /// The numbers of a statement, followed by zeros; `count` says how many there may be.
@@ -308,18 +278,19 @@ fn resolved(word: &[u8], which: usize, counts: [usize; 3], line: usize) -> Resul
     }
 }
 
-/// The values that the corners name by the first, second or third of their indices.
+/// The values that the corners name by the first, second or third of their indices. Frees the list, so
+/// that at most one is there twice.
 fn looked_up<T: Copy>(
-    corners: &[(Corner, usize)],
+    corners: &[(Corner, u32)],
     which: usize,
-    values: &[T],
+    values: Vec<T>,
 ) -> Result<Vec<T>, MeshError> {
     let mut found = Vec::with_capacity(corners.len());
     for (corner, line) in corners {
         let index = corner[which];
         let Some(value) = values.get(index as usize) else {
             return Err(MeshError::IndexOutOfRange {
-                place: Place::Line(*line),
+                place: Place::Line(*line as usize),
                 what: COUNTED[which],
                 index: i64::from(index) + 1,
                 range: format!("the file has {} {}", values.len(), COUNTED_PLURAL[which]),

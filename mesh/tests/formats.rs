@@ -65,6 +65,8 @@ fn every_statement_but_those_of_a_mesh_is_ignored() {
     assert_eq!(read(plain.replace('\n', "\r")), read(&plain));
     assert_eq!(read(plain.replace(' ', " \\\n ")), read(&plain));
     assert_eq!(read(plain.replace('\n', " # \u{e9}\n")), read(&plain));
+    let comment = format!("# C:\\models\\\n{plain}");
+    assert_eq!(read(comment), read(&plain));
     let mut latin = b"g \xe9\n".to_vec();
     latin.extend(plain.as_bytes());
     assert_eq!(read(latin), read(&plain));
