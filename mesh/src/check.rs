@@ -256,3 +256,36 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
         a[0] * b[1] - a[1] * b[0],
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn normalised(vector: [f64; 3]) -> Result<[f64; 3], MeshError> {
+        unit(vector, Attribute::Normal, || Place::Vertex(0))
+    }
+
+    #[test]
+    fn vectors_of_any_length_become_unit_vectors() {
+        for length in [5e-324, 1e-200, 0.7, 1.0, 3.0, 1e200, f64::MAX] {
+            assert_eq!(normalised([0.0, -length, 0.0]), Ok([0.0, -1.0, 0.0]));
+        }
+    }
+
+    #[test]
+    fn a_unit_vector_stays_as_it_is() {
+        for number in 1..2000 {
+            let number = f64::from(number);
+            let vector = [number, number * 0.37 - 31.0, 211.0 / number];
+            let once = normalised(vector).unwrap();
+            assert_eq!(normalised(once), Ok(once));
+        }
+    }
+
+    #[test]
+    fn the_turned_triangle_has_the_opposite_normal() {
+        let positions = [[0.1, 0.2, 0.3], [1.7, -0.3, 0.9], [-0.2, 1.1, 1e-7]];
+        let [front, back] = [[0, 1, 2], [0, 2, 1]].map(|turn| double_area(&positions, turn));
+        assert_eq!(front, back.map(|component| -component));
+    }
+}

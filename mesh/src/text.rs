@@ -88,3 +88,41 @@ pub fn quoted(bytes: &[u8]) -> String {
     }
     format!("`{shown}`")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lines(text: &str) -> Vec<(&[u8], bool)> {
+        let mut lines = Lines::of(text.as_bytes());
+        std::iter::from_fn(|| lines.take()).collect()
+    }
+
+    #[test]
+    fn lines_end_with_lf_or_else_with_cr() {
+        let expected: [(&[u8], bool); 3] = [(b"a", true), (b"", true), (b"b", false)];
+        assert_eq!(lines("a\n\nb"), expected);
+        assert_eq!(lines("a\r\rb"), expected);
+        assert_eq!(lines("a\r\n"), [(&b"a\r"[..], true)]);
+        assert_eq!(lines(""), []);
+    }
+
+    #[test]
+    fn words_stand_between_white_space() {
+        let mut line = &b" \tv  -1.5\r"[..];
+        assert_eq!(take_word(&mut line), Some(&b"v"[..]));
+        let word = take_word(&mut line).unwrap();
+        assert_eq!(number(word), Some(-1.5));
+        assert_eq!(number::<i64>(word), None);
+        assert_eq!(take_word(&mut line), None);
+        assert_eq!(take_word(&mut line), None);
+    }
+
+    #[test]
+    fn a_quotation_is_one_bounded_line() {
+        assert_eq!(quoted(b"a\n\xff"), "`a\\n\u{fffd}`");
+        let long = quoted("\u{10348}".repeat(1000).as_bytes());
+        assert_eq!(long.chars().count(), QUOTED_CHARACTERS_MAX + 2);
+        assert!(quoted(&[b'x'; 25]).ends_with("x...`"));
+    }
+}
