@@ -17,6 +17,7 @@
 //! | `address` | addresses, forms and cookies that a browser sends |
 //! | `command_line` | lists of indices, conditions on labels |
 //! | `material` | materials and questions about them as JSON |
+//! | `mesh` | meshes as OBJ and PLY |
 //! | `manifest` | manifests in three formats, and shards of images in two |
 //! | `calls` | protobuf messages of any call, to a live coordinator |
 
@@ -40,9 +41,13 @@ mod image;
 mod ledger;
 mod manifest;
 mod material;
+mod mesh;
+#[path = "../../mesh/tests/invariants/mod.rs"]
+mod mesh_invariants;
 mod seeds;
 mod specification;
 
+pub use self::mesh::mesh;
 pub use address::address;
 pub use calls::calls;
 pub use command_line::{condition, index_list};
@@ -62,7 +67,7 @@ pub use specification::specification;
 pub type Target = fn(&[u8]) -> bool;
 
 /// All targets, by the names of their corpora.
-pub const TARGETS: [(&str, Target); 17] = [
+pub const TARGETS: [(&str, Target); 18] = [
     ("address", address),
     ("calls", calls),
     ("completion_log", completion_log),
@@ -76,6 +81,7 @@ pub const TARGETS: [(&str, Target); 17] = [
     ("manifest_jsonl", manifest_jsonl),
     ("manifest_parquet", manifest_parquet),
     ("material", material),
+    ("mesh", mesh),
     ("shard_parquet", shard_parquet),
     ("shard_tar", shard_tar),
     ("specification", specification),

@@ -74,6 +74,7 @@ pub fn seeds() -> Vec<(&'static str, Vec<u8>)> {
         ("material", json(&HARD_CASES[0].material)),
         ("material", question()),
     ];
+    seeds.extend(crate::mesh::seeds().map(|file| ("mesh", file)));
     seeds.extend(manifests());
     seeds
 }

@@ -1,0 +1,5 @@
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(init: libfuzzer::init(), |bytes: &[u8]| {
+    fuzz::mesh(bytes);
+});
