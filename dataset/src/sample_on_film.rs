@@ -35,6 +35,7 @@ impl SampleOnFilm {
         let at = [column as f64 + 0.5, row as f64 + 0.5];
         match self.shape {
             Shape::Square => self.is_on_square(at),
+            Shape::Mesh => false,
             Shape::Sphere => self.chord(at, [0, 1, 2]).is_some(),
             Shape::Cylinder => self.chord(at, [1, 2]).is_some_and(|near| {
                 let x = self.origin(0) + near * self.direction(at)[0];

@@ -43,7 +43,7 @@ fn every_fault_is_one_sentence_with_its_place() {
         ),
         (
             "[sample]\nqqqq = 1",
-            "set.toml:2:1: unknown key `sample.qqqq`; the keys here are shape, side_m",
+            "set.toml:2:1: unknown key `sample.qqqq`; the keys here are shape, side_m, mesh",
         ),
         // Wrong types.
         (

@@ -4,7 +4,7 @@ use dataset::{Specification, specification::Shape};
 use datastore::verify::{Rerender, Rerendered};
 use renderer::geometry::BackendChoice;
 use renderer::reflectance::Reflectance;
-use renderer::scene::Scene;
+use renderer::scene::{SampleSurface, Scene};
 use renderer::vector::Vec3;
 use renderer::{RenderError, Renderer};
 use std::f64::consts::PI;
@@ -28,8 +28,11 @@ pub struct Again {
 impl Again {
     /// For images of a specification.
     pub fn new(specification: &Specification, backend: BackendChoice) -> anyhow::Result<Self> {
+        let native = BackendChoice::Native;
+        let sample =
+            SampleSurface::new(&specification.sample, native).map_err(RenderError::from)?;
         let scenes = (0..specification.views.len())
-            .filter_map(|view| Scene::new(specification, view, BackendChoice::Native))
+            .filter_map(|view| Scene::with_sample(specification, view, &sample, native))
             .collect::<Result<Vec<Scene>, _>>()
             .map_err(RenderError::from)?;
         Ok(Self {
@@ -100,10 +103,11 @@ fn sees_chart(scene: &Scene, specification: &Specification) -> bool {
 
 /// Whether the sample reflects the middle of the bulb to the camera somewhere on the film.
 fn sample_is_lit(scene: &Scene, specification: &Specification, reflectance: &Reflectance) -> bool {
-    // A curved sample touches the plane of the square at the origin alone.
+    // A curved sample touches the plane of the square at the origin alone, and a mesh somewhere.
     let side = match specification.sample.shape {
         Shape::Square => specification.sample.side_m,
         Shape::Sphere | Shape::Cylinder => 0.0,
+        Shape::Mesh => return false,
     };
     let (width, height) = (specification.image.width, specification.image.height);
     let mut places = PLACES

@@ -95,7 +95,10 @@ fn row(key: &Key) -> [String; 6] {
         format!("`{}`", key.name),
         key.form().to_owned(),
         key.unit.to_owned(),
-        default.unwrap_or_else(|| "[the preset's](#the-preset)".to_owned()),
+        default.unwrap_or_else(|| match key.name {
+            "mesh" => "none".to_owned(),
+            _ => "[the preset's](#the-preset)".to_owned(),
+        }),
         key.allowed(),
         key.meaning.to_owned(),
     ]

@@ -10,7 +10,7 @@ use std::fmt::Write;
 pub(super) const UNHASHED_KEYS: [&str; 2] = ["name", "materials"];
 
 impl Specification {
-    /// All of the specification as canonical JSON, but for a `sample.shape` that is `square`: deterministic, and [`Self::from_json`] gives the
+    /// All of the specification as canonical JSON, but for a `sample.shape` that is `square` and a mesh that is not there: deterministic, and [`Self::from_json`] gives the
     /// same value again.
     pub fn to_json(&self) -> String {
         canonical_json(&self.written())
@@ -52,6 +52,7 @@ impl Specification {
     pub(super) fn tree(&self) -> Value {
         let mut tree = self.written();
         tree["sample"]["shape"] = as_json(&self.sample.shape);
+        tree["sample"]["mesh"] = as_json(&self.sample.mesh);
         tree
     }
 

@@ -1,7 +1,7 @@
 //! Which values a specification may have, each by itself and together.
 
 use super::{
-    Checker, Light, Pixel, Specification,
+    Checker, Light, Pixel, Shape, Specification,
     canonical::number_text,
     error::quoted,
     keys::{Key, Rule, float_rule, keys, name_rule, power_of_two_rule, range_rule},
@@ -45,11 +45,12 @@ pub(super) fn check(specification: &Specification) -> Result<(), Fault> {
     check_ranges(specification)?;
     check_chart(specification)?;
     check_half(specification)?;
+    check_mesh(specification)?;
     check_scene(specification)
 }
 
 /// The rules for values together, in the order in which they are checked: a sentence each.
-pub fn rules_together() -> [String; 7] {
+pub fn rules_together() -> [String; 8] {
     let half_max = limits::HALF_RADIANCE_MAX;
     let half_rule = format!(
         "With `image.pixel = \"half\"` the bulb's own radiance, `(light.distance_m / \
@@ -59,6 +60,7 @@ pub fn rules_together() -> [String; 7] {
         "The lower end of each range in `[parameters]` is not above its upper end.".to_owned(),
         "`checker.patches_srgb8` has `checker.columns * checker.rows` colours.".to_owned(),
         half_rule,
+        "`sample.mesh` is there if `sample.shape` is `\"mesh\"`, and only then.".to_owned(),
         "In every view the bulb is clear of the plane of the sample.".to_owned(),
         "In no view is the camera inside the bulb.".to_owned(),
         "With the colour chart in a view, `checker.lower_edge_y_m` is at least half of \
@@ -111,7 +113,7 @@ fn check_values(specification: &Specification) -> Result<(), Fault> {
             Rule::Float(value, range) => float(&name, value(specification), range)?,
             // Others check these, or the type allows nothing else.
             Rule::Ends(..) | Rule::OfView(..) => {}
-            Rule::Choice(_) | Rule::TruthOfView | Rule::Colours => {}
+            Rule::Choice(_) | Rule::TruthOfView | Rule::Colours | Rule::Mesh => {}
         }
     }
     Ok(())
@@ -206,6 +208,27 @@ fn check_half(specification: &Specification) -> Result<(), Fault> {
     );
     let keys = ["light.radius_m", "light.distance_m", "image.pixel"];
     Err(Fault::of_keys(keys.map(str::to_owned), rule))
+}
+
+/// A mesh is there if the sample is one.
+fn check_mesh(specification: &Specification) -> Result<(), Fault> {
+    let sample = &specification.sample;
+    let keys = ["mesh", "shape"].map(|field| format!("sample.{field}"));
+    match (&sample.mesh, sample.shape) {
+        (Some(_), Shape::Mesh) => Ok(()),
+        (None, Shape::Mesh) => {
+            let rule = "is missing: name the mesh's file, an OBJ or PLY file in the folder of the \
+                        specification";
+            Err(Fault::of_keys(keys, rule.to_owned()))
+        }
+        (None, _) => Ok(()),
+        (Some(_), shape) => {
+            let rule = format!(
+                "names a mesh, but sample.shape is \"{shape}\": set it to \"mesh\" or leave the mesh out"
+            );
+            Err(Fault::of_keys(keys, rule))
+        }
+    }
 }
 
 /// What stands in the scene of each view does not touch, and the chart shades nothing.

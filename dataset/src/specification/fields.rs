@@ -2,9 +2,10 @@
 
 use super::{
     Accuracy, Camera, Checker, Image, Integrator, IntegratorKind, Light, Parameters, Pixel, Sample,
-    Shape, Specification, Tint, View,
+    SampleMesh, Shape, Specification, Tint, View,
     error::SpecificationError,
     reader::{Field, Reader},
+    sample_mesh,
 };
 use toml::{
     Spanned,
@@ -48,7 +49,7 @@ table_field!(Integrator: kind, samples_per_pixel, max_bounces);
 table_field!(Parameters: roughness, anisotropy, angle_deg, ior);
 table_field!(Camera: distance_m, film_half_width);
 table_field!(Light: distance_m, radius_m, power_w, efficacy_lm_per_w);
-table_field!(Sample: shape, side_m);
+table_field!(Sample: shape, side_m, mesh);
 table_field!(Checker: columns, rows, pitch_m, lower_edge_y_m, tilt_deg, patches_srgb8);
 table_field!(View: camera_elevation_deg, light_elevation_deg, rotation_deg, checker);
 table_field!(
@@ -84,8 +85,8 @@ macro_rules! choice_field {
 choice_field!(Tint, "\"hue\" or \"product\"": "hue" => Hue, "product" => Product);
 choice_field!(Pixel, "\"half\" or \"float\"": "half" => Half, "float" => Float);
 choice_field!(
-    Shape, "\"square\", \"sphere\" or \"cylinder\"":
-    "square" => Square, "sphere" => Sphere, "cylinder" => Cylinder
+    Shape, "\"square\", \"sphere\", \"cylinder\" or \"mesh\"":
+    "square" => Square, "sphere" => Sphere, "cylinder" => Cylinder, "mesh" => Mesh
 );
 choice_field!(IntegratorKind, "\"hybrid\" or \"path\"": "hybrid" => Hybrid, "path" => Path);
 
@@ -161,6 +162,27 @@ impl Field for String {
             return Err(reader.wrong_type(key, "a text", value));
         };
         text.clone_into(self);
+        Ok(())
+    }
+}
+
+/// A mesh, by the name of a file in the specification's folder or by its digest.
+impl Field for Option<SampleMesh> {
+    fn read(
+        &mut self,
+        value: &Spanned<DeValue<'_>>,
+        key: &str,
+        reader: &mut Reader<'_>,
+    ) -> Result<(), SpecificationError> {
+        let Some(name) = value.get_ref().as_str() else {
+            return Err(reader.wrong_type(key, "a text", value));
+        };
+        let found = sample_mesh::load(name, reader.folder);
+        *self = Some(found.map_err(|message| SpecificationError::Refused {
+            place: reader.place(value.span().start),
+            key: key.to_owned(),
+            message,
+        })?);
         Ok(())
     }
 }

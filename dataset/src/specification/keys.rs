@@ -41,6 +41,8 @@ pub(super) enum Rule {
     OfView(fn(&View) -> f64, RangeInclusive<f64>),
     /// True or false in each view.
     TruthOfView,
+    /// The name of a mesh's file, or its digest.
+    Mesh,
     /// A list of 8-bit colours, as many as the chart has patches.
     Colours,
 }
@@ -54,7 +56,7 @@ impl Key {
     /// The type of its values.
     pub fn form(&self) -> &'static str {
         match self.rule {
-            Rule::Name(_) | Rule::Choice(_) => "text",
+            Rule::Name(_) | Rule::Choice(_) | Rule::Mesh => "text",
             Rule::Integer(..) | Rule::PowerOfTwo(..) => "integer",
             Rule::Float(..) | Rule::OfView(..) => "number",
             Rule::Ends(..) => "two numbers, `[low, high]`",
@@ -75,11 +77,14 @@ impl Key {
             Rule::Choice(names) => (*names).to_owned(),
             Rule::TruthOfView => "true or false".to_owned(),
             Rule::Colours => "0 to 255 each".to_owned(),
+            Rule::Mesh => {
+                "an OBJ or PLY file in the folder of the specification, or a digest".to_owned()
+            }
         }
     }
 
     /// The value where a file says nothing, as TOML: the preset's, and for a key of a view that of
-    /// a view's table. `None` for lists too long to repeat.
+    /// a view's table. `None` for lists too long to repeat, and for a mesh, of which there is none.
     pub fn default(&self) -> Option<String> {
         let tree = match self.table {
             "views" => serde_json::to_value(PLAIN_VIEW).ok()?,
@@ -144,7 +149,7 @@ const fn key(
     }
 }
 
-static KEYS: [Key; 34] = [
+static KEYS: [Key; 35] = [
     key(
         "",
         "name",
@@ -317,8 +322,8 @@ static KEYS: [Key; 34] = [
         "",
         Rule::Choice(Shape::EXPECTED),
         "The shape of the sample. `square` is flat, in the plane z = 0 with its centre at the origin. \
-         `sphere` and `cylinder` touch the origin from below, the cylinder along the x axis; the path \
-         tracer renders them.",
+         `sphere` and `cylinder` touch the origin from below, the cylinder along the x axis. `mesh` is what \
+         `sample.mesh` names. The path tracer renders all but the square.",
     ),
     key(
         "sample",
@@ -326,7 +331,16 @@ static KEYS: [Key; 34] = [
         "m",
         Rule::Float(|s| s.sample.side_m, limits::SAMPLE_SIDE_M),
         "The side of the square, the diameter of the sphere or of the cylinder, and the length of the \
-         cylinder.",
+         cylinder. A mesh is scaled until the longest side of its box along the axes is this long.",
+    ),
+    key(
+        "sample",
+        "mesh",
+        "",
+        Rule::Mesh,
+        "The mesh of the sample, with z up. The middle of its box's top is moved to the origin. The digest \
+         of the file, BLAKE3 of its bytes, is part of the hash. By a digest, the file `DIGEST.mesh` in the \
+         folder is meant.",
     ),
     key(
         "checker",
@@ -441,7 +455,8 @@ mod tests {
     fn every_meaning_is_a_sentence_and_only_the_patches_have_no_short_default() {
         for key in keys() {
             assert!(key.meaning.ends_with('.'), "{}", key.name);
-            assert_eq!(key.default().is_none(), key.name == "patches_srgb8");
+            let has_none = ["patches_srgb8", "mesh"].contains(&key.name);
+            assert_eq!(key.default().is_none(), has_none);
         }
     }
 

@@ -12,14 +12,17 @@ mod keys;
 pub mod limits;
 mod read;
 mod reader;
+mod sample_mesh;
 mod suggest;
 
 pub use check::rules_together;
 pub use differences::Differences;
 pub use error::{Place, SpecificationError};
 pub use keys::{Key, keys};
+pub use sample_mesh::{LoadedMesh, SampleMesh};
 
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// A complete, checked dataset specification: [`Specification::preset`],
 /// [`Specification::from_toml`], [`Specification::load`] and [`Specification::from_json`] give only
@@ -63,6 +66,15 @@ impl Specification {
         let flux_lm = light.power_w * light.efficacy_lm_per_w;
         let sphere_m2 = 4.0 * std::f64::consts::PI * light.distance_m * light.distance_m;
         flux_lm / sphere_m2 / std::f64::consts::PI
+    }
+
+    /// The same with the mesh that it names loaded from the bytes of the mesh's file.
+    ///
+    /// # Errors
+    /// Where it names none, or another, or the bytes are no mesh.
+    pub fn with_mesh(mut self, bytes: Vec<u8>) -> Result<Self, SpecificationError> {
+        self.sample.mesh = Some(sample_mesh::with_bytes(self.sample.mesh.as_ref(), bytes)?);
+        Ok(self)
     }
 }
 
@@ -180,17 +192,28 @@ pub struct Light {
     pub efficacy_lm_per_w: f64,
 }
 
-/// The sample: a square in z = 0, centred at the origin, or a curved surface that touches it there
-/// from below, where its normal is +z.
+/// The sample: a square in z = 0, centred at the origin, or another surface below z = 0 that touches it.
+/// Where sphere and cylinder touch the origin their normal is +z.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sample {
-    /// Square, sphere or cylinder. A square is not written, so that specifications from before there
+    /// Square, sphere, cylinder or mesh. A square is not written, so that specifications from before there
     /// were others keep their hashes.
     #[serde(default, skip_serializing_if = "Shape::is_square")]
     pub shape: Shape,
-    /// The square's side, the diameter of sphere and cylinder, and the cylinder's length.
+    /// The square's side, the diameter of sphere and cylinder, the cylinder's length, and the longest side
+    /// of a mesh's box.
     pub side_m: f64,
+    /// The mesh, of a sample that is one. It is written as its digest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<SampleMesh>,
+}
+
+impl Sample {
+    /// The mesh, of a sample that is one and where it is loaded.
+    pub fn loaded_mesh(&self) -> Option<&Arc<LoadedMesh>> {
+        self.mesh.as_ref()?.loaded()
+    }
 }
 
 /// The shape of a sample.
@@ -207,6 +230,10 @@ pub enum Shape {
     /// The mantle of a cylinder that lies along x, its highest line on the x axis. The frame of the
     /// material has its x along the cylinder.
     Cylinder,
+    /// The triangles of a file, scaled and moved as [`LoadedMesh::placed`] says. The frame of the material has
+    /// its x along the file's tangents, or else the way in which its texture coordinate u grows; without
+    /// either it is as on a sphere.
+    Mesh,
 }
 
 /// As a specification names it.
@@ -216,6 +243,7 @@ impl std::fmt::Display for Shape {
             Self::Square => "square",
             Self::Sphere => "sphere",
             Self::Cylinder => "cylinder",
+            Self::Mesh => "mesh",
         })
     }
 }

@@ -35,8 +35,16 @@ impl Specification {
     /// # Errors
     ///
     /// The first fault found, as one sentence that starts with `source:line:column`; `source` is
-    /// the file's name.
+    /// the file's name. A mesh has to be named by its digest, and is not loaded.
     pub fn from_toml(text: &str, source: &str) -> Result<Self, SpecificationError> {
+        Self::from_text(text, source, None)
+    }
+
+    fn from_text(
+        text: &str,
+        source: &str,
+        folder: Option<&Path>,
+    ) -> Result<Self, SpecificationError> {
         if text.len() > TEXT_BYTES_MAX {
             let file = source.to_owned();
             return Err(SpecificationError::TooLarge { file });
@@ -44,6 +52,7 @@ impl Specification {
         let mut reader = Reader {
             source,
             text,
+            folder,
             spans: BTreeMap::new(),
         };
         let table = DeTable::parse(text).map_err(|error| reader.syntax(&error))?;
@@ -54,11 +63,13 @@ impl Specification {
         Ok(specification)
     }
 
-    /// Reads a TOML file as [`Self::from_toml`] does.
+    /// Reads a TOML file as [`Self::from_toml`] does, and loads the mesh that it names: a file in its
+    /// folder or below it, or by its digest the file DIGEST.mesh in it.
     ///
     /// # Errors
     ///
-    /// Also where the file cannot be read, has more than [`TEXT_BYTES_MAX`] bytes or is not UTF-8.
+    /// Also where the file cannot be read, has more than [`TEXT_BYTES_MAX`] bytes or is not UTF-8,
+    /// and where the mesh cannot be loaded.
     pub fn load(path: &Path) -> Result<Self, SpecificationError> {
         let file = path.display().to_string();
         let mut bytes = Vec::new();
@@ -74,7 +85,7 @@ impl Specification {
             return Err(SpecificationError::TooLarge { file });
         }
         match str::from_utf8(&bytes) {
-            Ok(text) => Self::from_toml(text, &file),
+            Ok(text) => Self::from_text(text, &file, path.parent()),
             Err(error) => Err(SpecificationError::NotUtf8 {
                 file,
                 offset: error.valid_up_to(),
@@ -82,7 +93,8 @@ impl Specification {
         }
     }
 
-    /// Reads what [`Self::to_json`] wrote: every field is required, and checked like a file's.
+    /// Reads what [`Self::to_json`] wrote: every field is required, and checked like a file's. A mesh is
+    /// not loaded: [`Self::with_mesh`].
     ///
     /// # Errors
     ///
@@ -100,6 +112,7 @@ impl Specification {
         let reader = Reader {
             source: SOURCE,
             text: "",
+            folder: None,
             spans: BTreeMap::new(),
         };
         check(&specification).map_err(|fault| reader.refused(fault))?;

@@ -5,7 +5,7 @@ use super::{
     error::{Place, SpecificationError, quoted},
     suggest::hint,
 };
-use std::{collections::BTreeMap, ops::Range};
+use std::{collections::BTreeMap, ops::Range, path::Path};
 use toml::{
     Spanned,
     de::{DeTable, DeValue},
@@ -26,12 +26,14 @@ pub(super) trait Field {
 pub(super) struct Reader<'a> {
     pub(super) source: &'a str,
     pub(super) text: &'a str,
+    /// Where files that the text names are looked for.
+    pub(super) folder: Option<&'a Path>,
     /// The bytes of each value by its key, such as `views[2].checker`.
     pub(super) spans: BTreeMap<String, Range<usize>>,
 }
 
 impl Reader<'_> {
-    fn place(&self, offset: usize) -> Place {
+    pub(super) fn place(&self, offset: usize) -> Place {
         Place::of(self.source, self.text, offset)
     }
 

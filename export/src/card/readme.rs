@@ -248,6 +248,18 @@ fn sample(specification: &Specification) -> String {
             "a cylinder of diameter and length {side} along x, whose highest line is in z = 0 with its \
              middle at the origin; the frame of the material has its x along it"
         ),
+        Shape::Mesh => {
+            let mesh = specification.sample.mesh.as_ref();
+            let file = mesh.map_or_else(String::new, |mesh| {
+                format!(" of the file `{}`", mesh.file_name())
+            });
+            format!(
+                "the mesh{file}, scaled until the longest side of its box is {side}, with the middle of \
+                 the box's top at the origin; the frame of the material has its x along the mesh's \
+                 tangents, or else along its texture coordinate u, or else is carried from the world's as \
+                 on a sphere"
+            )
+        }
     }
 }
 
