@@ -1,6 +1,6 @@
 //! What the middle of each pixel sees: depth, normal, tangent, place on the surface, and which surface.
 
-use crate::scene::{Encounter, SAMPLE, Scene};
+use crate::scene::{Encounter, Scene, Thing};
 use crate::vector::Vec3;
 use std::array;
 
@@ -56,7 +56,7 @@ fn pixel(scene: &Scene, [column, row]: [u32; 2], rotation_deg: f64) -> [f64; NAM
     };
     let [_, _, depth] = camera.homogeneous(surface.position - camera.position);
     let frame = surface.frame;
-    let is_sample = surface.primitive == SAMPLE;
+    let is_sample = surface.thing == Thing::Sample;
     let (tangent, [u, v]) = match &scene.chart {
         Some(chart) if !is_sample => {
             let plane = chart.plane();
@@ -68,7 +68,7 @@ fn pixel(scene: &Scene, [column, row]: [u32; 2], rotation_deg: f64) -> [f64; NAM
         _ => {
             let (sine, cosine) = dataset::sin_cos_deg(rotation_deg);
             let turned = frame.x * cosine + frame.y * sine;
-            (turned, scene.sample.uv(surface.position))
+            (turned, scene.sample.uv(&surface))
         }
     };
     let [normal, tangent] = [frame.z, tangent].map(|Vec3 { x, y, z }| [x, y, z]);

@@ -10,7 +10,7 @@ use crate::numerics::instructions::Instructions;
 use crate::path;
 use crate::phase_time::{PhaseTime, timed};
 use crate::reflectance::Reflectance;
-use crate::scene::Scene;
+use crate::scene::{SampleSurface, Scene};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, PixelStatistics,
     RENDERER_VERSION, Specification, specification::IntegratorKind,
@@ -97,10 +97,11 @@ impl Renderer {
     /// Builds the scenes of every view of `specification`.
     ///
     /// # Errors
-    /// When the chosen backend is not to be had.
+    /// When the chosen backend is not to be had, or the sample is a mesh that is not loaded.
     pub fn new(specification: &Specification, backend: BackendChoice) -> Result<Self, RenderError> {
+        let sample = SampleSurface::new(&specification.sample, backend)?;
         let views = (0..specification.views.len())
-            .filter_map(|view| Scene::new(specification, view, backend))
+            .filter_map(|view| Scene::with_sample(specification, view, &sample, backend))
             .map(|scene| {
                 let scene = scene?;
                 let prepared = match specification.integrator.kind {

@@ -13,7 +13,7 @@ use renderer::{
     geometry::BackendChoice,
     reflectance::Reflectance,
     sampler::{Dimension, Sampler},
-    scene::{Encounter, SAMPLE, Scene},
+    scene::{Encounter, Scene, Thing},
 };
 
 const SHAPES: [Shape; 2] = [Shape::Sphere, Shape::Cylinder];
@@ -227,7 +227,7 @@ fn the_pixels_of_a_curved_sample_are_those_that_see_it() {
             for (index, is_sample) in (0u32..).zip(mask) {
                 let [x, y] = [index % 64, index / 64].map(|at| f64::from(at) + 0.5);
                 let sees = match scene.encounter(&scene.camera.ray(x, y), None) {
-                    Some(Encounter::Surface(surface)) => surface.primitive == SAMPLE,
+                    Some(Encounter::Surface(surface)) => surface.thing == Thing::Sample,
                     _ => false,
                 };
                 assert_eq!(is_sample, sees, "{shape:?}, view {view}, ({x}, {y})");

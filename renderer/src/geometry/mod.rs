@@ -1,21 +1,29 @@
-//! What rays meet: rectangles, spheres and cylinders, behind two backends that give the same bits.
+//! What rays meet: rectangles, spheres, cylinders and triangles, behind two backends that give the same
+//! bits.
 //!
-//! The native backend tests the primitives one after another. Embree builds a hierarchy over
+//! The native backend tests the shapes one after another. Embree builds a hierarchy over
 //! them and leaves out those that a ray cannot meet; whether it meets the rest is decided by the
 //! same 64-bit code. The choice therefore changes how long an image takes and never a byte of it.
 
 mod backend;
 mod embree;
+mod mesh;
 mod native;
 mod primitive;
+mod shapes;
+mod triangles;
 
 use std::sync::{Arc, Once};
 
 pub use backend::{BackendChoice, BackendKind, UnknownBackend};
 pub use embree::{EmbreeError, Isa, UnknownIsa};
+pub use mesh::{FIRST_TRIANGLE, TracedMesh};
 pub use primitive::{Cylinder, Hit, Primitive, PrimitiveId, Ray, Rectangle, Sphere};
 
+pub use triangles::Triangles;
+
 use embree::Scene;
+use shapes::{PrimitiveList, Shapes};
 
 /// From how many primitives on `auto` takes Embree.
 ///
@@ -51,17 +59,30 @@ pub enum GeometryError {
         /// The length of the list.
         count: usize,
     },
+    /// The specification's mesh has only been named.
+    #[error(
+        "the sample is a mesh that is not loaded: read the specification from its file, with the mesh \
+         beside it"
+    )]
+    MeshNotLoaded,
+    /// A mesh cannot be traced.
+    #[error("the mesh cannot be traced: {reason}")]
+    Mesh {
+        /// What is wrong with it.
+        reason: &'static str,
+    },
     /// Embree was asked for and cannot be used.
     #[error(transparent)]
     Embree(#[from] EmbreeError),
 }
 
-/// Primitives ready to be traced, from any number of threads at once.
+/// Primitives ready to be traced, and perhaps a mesh, from any number of threads at once.
 #[derive(Debug)]
 pub struct Geometry {
-    primitives: Arc<[Primitive]>,
+    primitives: Arc<PrimitiveList>,
     // None: native.
-    scene: Option<Scene>,
+    scene: Option<Scene<PrimitiveList>>,
+    mesh: Option<Arc<TracedMesh>>,
 }
 
 impl Geometry {
@@ -73,38 +94,43 @@ impl Geometry {
     /// [`PRIMITIVES_MAX`]; if Embree, or an instruction set, was asked for by name and cannot be
     /// used; if `EMBREE_LIBRARY` names one that cannot be, unless native tracing was asked for.
     pub fn new(primitives: Vec<Primitive>, choice: BackendChoice) -> Result<Self, GeometryError> {
-        let primitives = checked(primitives)?;
-        let scene = match choice {
-            BackendChoice::Native => None,
-            BackendChoice::Embree => Some(Scene::new(Arc::clone(&primitives), None)?),
-            BackendChoice::EmbreeOn(isa) => Some(Scene::new(Arc::clone(&primitives), Some(isa))?),
-            BackendChoice::Auto if primitives.len() < EMBREE_PRIMITIVES_MIN => {
-                embree::check_named()?;
-                None
-            }
-            BackendChoice::Auto => match Scene::new(Arc::clone(&primitives), None) {
-                Ok(scene) => Some(scene),
-                Err(error @ EmbreeError::Named { .. }) => return Err(error.into()),
-                Err(error) => {
-                    warn_once(&error);
-                    None
-                }
-            },
-        };
-        Ok(Self { primitives, scene })
+        let primitives = Arc::new(checked(primitives)?);
+        let scene = hierarchy(&primitives, choice)?;
+        Ok(Self {
+            primitives,
+            scene,
+            mesh: None,
+        })
     }
 
-    /// Which backend traces.
+    /// A mesh, and a few primitives beside it, which are tested one after another.
+    ///
+    /// # Errors
+    ///
+    /// If a primitive makes no sense, as for [`Self::new`].
+    pub fn with_mesh(
+        primitives: Vec<Primitive>,
+        mesh: Arc<TracedMesh>,
+    ) -> Result<Self, GeometryError> {
+        Ok(Self {
+            primitives: Arc::new(checked(primitives)?),
+            scene: None,
+            mesh: Some(mesh),
+        })
+    }
+
+    /// Which backend traces the mesh, or without one the primitives.
     pub fn backend(&self) -> BackendKind {
-        match self.scene {
-            None => BackendKind::Native,
-            Some(_) => BackendKind::Embree,
+        match (&self.mesh, &self.scene) {
+            (Some(mesh), _) => mesh.backend(),
+            (None, None) => BackendKind::Native,
+            (None, Some(_)) => BackendKind::Embree,
         }
     }
 
     /// The primitives, in the order of their ids.
     pub fn primitives(&self) -> &[Primitive] {
-        &self.primitives
+        &self.primitives.0
     }
 
     /// The nearest hit at a positive, finite distance. `from` is never hit: name the planar
@@ -114,14 +140,24 @@ impl Geometry {
             return None;
         }
         let from = from.unwrap_or(PrimitiveId::NONE);
-        match &self.scene {
-            None => native::intersect(&self.primitives, ray, from),
-            Some(scene) => scene.intersect(ray, from),
-        }
+        let nearest = match &self.scene {
+            None => native::intersect(&*self.primitives, ray, from, f64::MAX),
+            Some(scene) => scene.intersect(ray, from, f64::MAX),
+        };
+        let Some(mesh) = &self.mesh else {
+            return nearest;
+        };
+        let distance_max = nearest.map_or(f64::MAX, |hit| hit.distance);
+        let of_mesh = mesh.intersect(ray, from, distance_max);
+        // At the same distance the lower id stands.
+        of_mesh
+            .filter(|hit| nearest.is_none() || hit.distance < distance_max)
+            .or(nearest)
     }
 
     /// Whether anything but `from` and `target` is found at a distance in (0, `distance_max`).
-    /// `distance_max` may be infinite; nothing is found below one that is zero, negative or NaN.
+    /// `distance_max` may be infinite; nothing is found below one that is zero, negative or NaN. `target`
+    /// is no triangle.
     pub fn occluded(
         &self,
         ray: &Ray,
@@ -135,14 +171,41 @@ impl Geometry {
         let from = from.unwrap_or(PrimitiveId::NONE);
         let target = target.unwrap_or(PrimitiveId::NONE);
         let distance_max = distance_max.min(f64::MAX);
-        match &self.scene {
-            None => native::occluded(&self.primitives, ray, from, target, distance_max),
+        let by_primitives = match &self.scene {
+            None => native::occluded(&*self.primitives, ray, from, target, distance_max),
             Some(scene) => scene.occluded(ray, from, target, distance_max),
-        }
+        };
+        let mesh = self.mesh.as_ref();
+        by_primitives || mesh.is_some_and(|mesh| mesh.occluded(ray, from, distance_max))
     }
 }
 
-fn checked(primitives: Vec<Primitive>) -> Result<Arc<[Primitive]>, GeometryError> {
+/// Embree's hierarchy over some shapes, unless they are to be tested one after another.
+fn hierarchy<S: Shapes>(
+    shapes: &Arc<S>,
+    choice: BackendChoice,
+) -> Result<Option<Scene<S>>, GeometryError> {
+    let shapes = Arc::clone(shapes);
+    Ok(match choice {
+        BackendChoice::Native => None,
+        BackendChoice::Embree => Some(Scene::new(shapes, None)?),
+        BackendChoice::EmbreeOn(isa) => Some(Scene::new(shapes, Some(isa))?),
+        BackendChoice::Auto if shapes.count() < EMBREE_PRIMITIVES_MIN => {
+            embree::check_named()?;
+            None
+        }
+        BackendChoice::Auto => match Scene::new(shapes, None) {
+            Ok(scene) => Some(scene),
+            Err(error @ EmbreeError::Named { .. }) => return Err(error.into()),
+            Err(error) => {
+                warn_once(&error);
+                None
+            }
+        },
+    })
+}
+
+fn checked(primitives: Vec<Primitive>) -> Result<PrimitiveList, GeometryError> {
     let count = primitives.len();
     if count > PRIMITIVES_MAX {
         return Err(GeometryError::TooMany { count });
@@ -152,7 +215,7 @@ fn checked(primitives: Vec<Primitive>) -> Result<Arc<[Primitive]>, GeometryError
             .check()
             .map_err(|reason| GeometryError::Primitive { index, reason })?;
     }
-    Ok(primitives.into())
+    Ok(PrimitiveList(primitives.into()))
 }
 
 /// A farm renders thousands of views with one answer to whether Embree loads: say it once.

@@ -10,7 +10,7 @@ const DIRECTION_TOLERANCE: f64 = 1e-6;
 const AXIS_TOLERANCE: f64 = 1e-9;
 /// The largest coordinate a primitive may reach, in metres. Far inside what 32-bit bounds hold,
 /// with their areas, and far outside any scene.
-const COORDINATE_MAX_METRES: f64 = 1e9;
+pub(super) const COORDINATE_MAX_METRES: f64 = 1e9;
 
 /// A half-line. A ray whose direction is not of unit length to 1e-6 in the square (zero, not
 /// finite) meets nothing.
@@ -34,7 +34,8 @@ impl Ray {
     }
 }
 
-/// The index of a primitive in its geometry's list.
+/// The index of a primitive in its geometry's list, or of a triangle, counted from
+/// [`super::FIRST_TRIANGLE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PrimitiveId(pub u32);
 
@@ -346,9 +347,11 @@ pub struct Hit {
     pub distance: f64,
     /// What is hit; of several at the same distance the one of the lowest id.
     pub primitive: PrimitiveId,
-    /// Where on a rectangle, in [0, 1) along its `u_axis`, or along a cylinder; 0 on a sphere.
+    /// Where on a rectangle, in [0, 1) along its `u_axis`, or along a cylinder; the weight of a
+    /// triangle's second corner; 0 on a sphere.
     pub u: f64,
-    /// Where on a rectangle, in [0, 1) along its `v_axis`; 0 on others.
+    /// Where on a rectangle, in [0, 1) along its `v_axis`; the weight of a triangle's third corner; 0 on
+    /// others.
     pub v: f64,
 }
 
@@ -360,19 +363,19 @@ pub(crate) struct Bounds {
 }
 
 impl Bounds {
-    const EMPTY: Self = Self {
+    pub(super) const EMPTY: Self = Self {
         lower: Vec3::new(f64::INFINITY, f64::INFINITY, f64::INFINITY),
         upper: Vec3::new(f64::NEG_INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY),
     };
 
-    const fn point(point: Vec3) -> Self {
+    pub(super) const fn point(point: Vec3) -> Self {
         Self {
             lower: point,
             upper: point,
         }
     }
 
-    fn union(self, other: Self) -> Self {
+    pub(super) fn union(self, other: Self) -> Self {
         Self {
             lower: componentwise(self.lower, other.lower, least),
             upper: componentwise(self.upper, other.upper, greatest),

@@ -21,7 +21,8 @@ const ROUNDING: f64 = 1e-9;
 pub struct Continuation<'a> {
     surface: &'a Surface,
     bsdf: &'a Bsdf<'a>,
-    target: Aim<'a>,
+    /// `None` where no path is aimed.
+    target: Option<Aim<'a>>,
     /// The share of paths that are aimed at the other surface. The others follow the surface's own
     /// density.
     aimed: f64,
@@ -54,15 +55,25 @@ impl<'a> Continuation<'a> {
                 if highest <= 0.0 {
                     return None;
                 }
-                Aim::Cone(cone)
+                Some(Aim::Cone(cone))
             }
-            Facing::Rectangle(rectangle) => at_rectangle(surface, bsdf, rectangle, wo, bounce)?,
+            Facing::Rectangle(rectangle) => {
+                Some(at_rectangle(surface, bsdf, rectangle, wo, bounce)?)
+            }
+            Facing::Itself(chart) => {
+                chart.and_then(|chart| at_rectangle(surface, bsdf, chart, wo, bounce))
+            }
+        };
+        let aimed = match (&target, bounce) {
+            (None, _) => 0.0,
+            (Some(_), 0) => AIMED,
+            (Some(_), _) => AIMED_LATER,
         };
         Some(Self {
             surface,
             bsdf,
             target,
-            aimed: if bounce == 0 { AIMED } else { AIMED_LATER },
+            aimed,
         })
     }
 
@@ -70,7 +81,7 @@ impl<'a> Continuation<'a> {
     /// its peak: 0 for a surface that sends light everywhere, and where it is not known.
     pub fn log_lobe(&self) -> f64 {
         match (self.bsdf, &self.target) {
-            (Bsdf::Material(reflectance), Aim::Window(window))
+            (Bsdf::Material(reflectance), Some(Aim::Window(window)))
                 if reflectance.specular_share == 1.0 =>
             {
                 window.log_lobe()
@@ -100,15 +111,16 @@ impl<'a> Continuation<'a> {
     /// A direction aimed at the other surface, and its density.
     fn aim(&self, [x, y]: [f64; 2]) -> (Vec3, f64) {
         let to = match &self.target {
-            Aim::Window(window) => {
+            None => return (Vec3::default(), 0.0),
+            Some(Aim::Window(window)) => {
                 let sample = window.sample([x, y]);
                 return (sample.wi, sample.density);
             }
-            Aim::Area(rectangle, part) => {
+            Some(Aim::Area(rectangle, part)) => {
                 let [u, v] = part.map_or([x, y], |part| part.point([x, y]));
                 (rectangle.point(u, v) - self.surface.position).normalized()
             }
-            Aim::Cone(cone) => cone.sample([x, y]),
+            Some(Aim::Cone(cone)) => cone.sample([x, y]),
         };
         let wi = self.surface.frame.to_local(to);
         (wi, self.aimed_density(wi))
@@ -117,13 +129,13 @@ impl<'a> Continuation<'a> {
     fn aimed_density(&self, wi: Vec3) -> f64 {
         let direction = || self.surface.frame.to_world(wi);
         match &self.target {
-            Aim::Window(window) => window.density(wi),
-            Aim::Area(rectangle, part) => {
+            Some(Aim::Window(window)) => window.density(wi),
+            Some(Aim::Area(rectangle, part)) => {
                 let share = part.map_or(1.0, |part| part.area());
                 rectangle.density(self.surface.position, direction()) / share
             }
-            Aim::Cone(cone) if cone.holds(direction()) => cone.density(),
-            Aim::Cone(_) => 0.0,
+            Some(Aim::Cone(cone)) if cone.holds(direction()) => cone.density(),
+            Some(Aim::Cone(_)) | None => 0.0,
         }
     }
 }

@@ -87,6 +87,15 @@ impl Outline {
         Self::hull(camera, corners)
     }
 
+    /// A polygon around a box, of which these are the least and the largest corner.
+    pub fn of_box(camera: &PinholeCamera, corners: [Vec3; 2]) -> Self {
+        let places = (0..8).map(|place: usize| {
+            let [x, y, z] = [0, 1, 2].map(|axis| corners[(place >> axis) & 1][axis]);
+            Vec3::new(x, y, z)
+        });
+        Self::hull(camera, places)
+    }
+
     /// The convex hull of what the camera sees of these points; all that it can see where one of them is
     /// not in front of it.
     fn hull(camera: &PinholeCamera, points: impl Iterator<Item = Vec3>) -> Self {

@@ -19,15 +19,16 @@ const SIDES: u32 = 256;
 
 /// The film outline of the points of the sample from which a facet that the lobe holds turns the
 /// camera's direction to the bulb. About the mirror image's centre slopes of half vectors are linear in
-/// the position; far from it the outline is only near the right one.
-pub fn outline(scene: &Scene, lobe: &Lobe) -> Outline {
+/// the position; far from it the outline is only near the right one. `None` for a mesh, on which the bulb may show in
+/// many places.
+pub fn outline(scene: &Scene, lobe: &Lobe) -> Option<Outline> {
     let (camera, bulb) = (&scene.camera, &scene.bulb);
     let (eye, centre) = (camera.position, bulb.centre);
     let MirrorPoint {
         position,
         frame,
         curvature,
-    } = scene.sample.mirror_point(eye, centre);
+    } = scene.sample.mirror_point(eye, centre)?;
     let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
     // The derivatives of the half vector wo + wi by the position. Where the surface falls away, its
@@ -51,7 +52,7 @@ pub fn outline(scene: &Scene, lobe: &Lobe) -> Outline {
         let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
         position + frame.to_world(Vec3::new(x, y, 0.0))
     });
-    Outline::of_polygon(camera, &corners.collect::<Vec<_>>())
+    Some(Outline::of_polygon(camera, &corners.collect::<Vec<_>>()))
 }
 
 /// The largest slopes along the lobe's axes of half vectors between `wo` and the bulb.
@@ -95,7 +96,7 @@ mod tests {
         let mut lobe = Lobe::new(10.0, 0.5, 30.0);
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
-        let area = outline(&scene, &lobe).within_pixel(0, 0);
+        let area = outline(&scene, &lobe).and_then(|outline| outline.within_pixel(0, 0));
         let area = area.expect("the camera sees it");
         let (eye, centre) = (camera.position, bulb.centre);
         let below = Vec3::new(centre.x, centre.y, -centre.z);

@@ -144,9 +144,15 @@ fn traced(
         let sampler = Sampler::new(picture.key, pixel, replicate);
         *mean = tracer.trace(&footprint, &sampler, paths / REPLICATES, &mut scratch);
     }
-    let unseen = tracer.bulb_gap(&footprint) + tracer.chart_max * scratch.reach.unseen(paths);
+    let unseen = tracer.bulb_gap(&footprint)
+        + tracer.chart_max * scratch.reach.unseen(paths)
+        + tracer.unmet_fold(column, row, paths, scratch.brightest);
     let mut film = interval::estimate(&means, unseen);
     film.error += scratch.rule_error;
+    // What shadows take away is sampled, and may be more than all there is. No light is negative.
+    film.value = film
+        .value
+        .map(|channel| if channel < 0.0 { 0.0 } else { channel });
     let spent = Spent {
         paths: footprint.parts.len() as u64 * u64::from(paths),
         evaluations: scratch.evaluations,

@@ -52,6 +52,11 @@ impl PinholeCamera {
         }
     }
 
+    /// The film's width and height in pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
     /// The ray through the film point (column, row) in pixels from the upper left corner.
     pub fn ray(&self, column: f64, row: f64) -> Ray {
         Ray {

@@ -13,6 +13,9 @@ pub struct Frame {
     pub z: Vec3,
 }
 
+/// Below this a normal's z is so near to -1 that their difference loses digits.
+const NEARLY_DOWN: f64 = -1.0 + 1e-6;
+
 impl Frame {
     /// The frame of the sample: the world's.
     pub(super) const WORLD: Self = Self {
@@ -21,12 +24,24 @@ impl Frame {
         z: Vec3::new(0.0, 0.0, 1.0),
     };
 
-    /// The world's frame, turned by the smallest rotation that takes +z to the unit vector `normal`,
-    /// which does not point straight down. (Hughes and Moeller, "Building an Orthonormal Basis from a
-    /// Unit Vector", 1999, have the rotation that is inverse to it.)
+    /// The world's frame, turned by the smallest rotation that takes +z to the unit vector `normal`.
+    /// (Hughes and Moeller, "Building an Orthonormal Basis from a Unit Vector", 1999, have the rotation
+    /// that is inverse to it.) Straight down, where there are many, it is turned about x.
     pub(super) fn carried(normal: Vec3) -> Self {
         let Vec3 { x, y, z } = normal;
-        let scale = 1.0 / (1.0 + z);
+        let mut scale = 1.0 / (1.0 + z);
+        if z < NEARLY_DOWN {
+            let beside = x * x + y * y;
+            if beside < f64::MIN_POSITIVE {
+                return Self {
+                    x: Self::WORLD.x,
+                    y: -Self::WORLD.y,
+                    z: -Self::WORLD.z,
+                };
+            }
+            // The sum above has lost its digits.
+            scale = (1.0 - z) / beside;
+        }
         let mixed = -x * y * scale;
         Self {
             x: Vec3::new(1.0 - x * x * scale, mixed, -x),

@@ -4,25 +4,35 @@ mod bulb;
 mod camera;
 mod chart;
 mod frame;
+mod mesh_surface;
 mod sample;
+mod smooth_surface;
 
 pub use bulb::Bulb;
 pub use camera::PinholeCamera;
 pub use chart::{Chart, ChartPlane};
 pub use frame::Frame;
-pub use sample::{MirrorPoint, SampleSurface};
+pub use mesh_surface::{MeshPoint, MeshSurface, OnTriangle};
+pub use sample::SampleSurface;
+pub use smooth_surface::{MirrorPoint, SmoothSurface};
 
 use crate::geometry::{
-    BackendChoice, Geometry, GeometryError, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
+    BackendChoice, Geometry, GeometryError, Hit, Primitive, PrimitiveId, Ray, Rectangle, Sphere,
 };
 use crate::vector::Vec3;
 use dataset::specification::Specification;
+use std::sync::Arc;
 
-/// The sample.
-pub const SAMPLE: PrimitiveId = PrimitiveId(0);
-const BULB: PrimitiveId = PrimitiveId(1);
-/// The chart, where there is one.
-pub const CHART: PrimitiveId = PrimitiveId(2);
+/// A thing of the scene that rays meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Thing {
+    /// The sample.
+    Sample,
+    /// The bulb.
+    Bulb,
+    /// The chart.
+    Chart,
+}
 
 /// A view's scene. Radiance is in units of white: that of a perfect diffuser at the origin which
 /// faces the bulb.
@@ -38,6 +48,8 @@ pub struct Scene {
     pub camera: PinholeCamera,
     /// The colour chart, if it is there.
     pub chart: Option<Chart>,
+    /// What each primitive of the geometry is. Triangles are the sample's.
+    things: Vec<Thing>,
     /// Whether sample or chart may stand between the bulb and either of them.
     may_shade: bool,
 }
@@ -60,10 +72,23 @@ pub struct Surface {
     pub position: Vec3,
     /// The frame there.
     pub frame: Frame,
+    /// The sample or the chart.
+    pub thing: Thing,
     /// On which primitive; a ray that leaves it cannot meet it again.
     pub primitive: PrimitiveId,
     /// The patch's colour on the chart, none on the sample.
     pub patch: Option<[f64; 3]>,
+    /// The place on a mesh.
+    pub on_triangle: Option<OnTriangle>,
+    /// The unit normal of a mesh's triangle, where that is not the frame's.
+    facet: Option<Vec3>,
+}
+
+impl Surface {
+    /// Whether a direction points into the surface, although it may be above the frame's horizon.
+    pub fn is_behind(&self, direction: Vec3) -> bool {
+        self.facet.is_some_and(|facet| facet.dot(direction) <= 0.0)
+    }
 }
 
 /// What light scattered at a surface can meet.
@@ -73,6 +98,8 @@ pub enum Facing<'a> {
     Rectangle(&'a Rectangle),
     /// A curved one, in this ball.
     Ball(Sphere),
+    /// The surface itself, and the chart if there is one.
+    Itself(Option<&'a Rectangle>),
 }
 
 impl Scene {
@@ -82,29 +109,55 @@ impl Scene {
         view: usize,
         backend: BackendChoice,
     ) -> Option<Result<Self, GeometryError>> {
+        specification.views.get(view)?;
+        match SampleSurface::new(&specification.sample, backend) {
+            Ok(sample) => Self::with_sample(specification, view, &sample, backend),
+            Err(error) => Some(Err(error)),
+        }
+    }
+
+    /// The same with the surface of the specification's sample at hand: scenes of many views share one.
+    pub fn with_sample(
+        specification: &Specification,
+        view: usize,
+        sample: &SampleSurface,
+        backend: BackendChoice,
+    ) -> Option<Result<Self, GeometryError>> {
         let placement = specification.view_geometry(view)?;
         let bulb = Bulb::new(&specification.light, placement.light_position.into());
-        let sample = SampleSurface::new(&specification.sample);
-        let mut primitives = vec![
-            sample.primitive(),
-            Primitive::Sphere(Sphere {
-                centre: bulb.centre,
-                radius: bulb.radius,
-            }),
-        ];
-        let chart = specification.views[view].checker.then(|| {
-            let chart = Chart::new(&specification.checker);
-            primitives.push(Primitive::Rectangle(chart.rectangle()));
-            chart
+        let chart = specification.views[view]
+            .checker
+            .then(|| Chart::new(&specification.checker));
+        let of_sample = match sample {
+            SampleSurface::Smooth(smooth) => Some((Thing::Sample, smooth.primitive())),
+            SampleSurface::Mesh(_) => None,
+        };
+        let of_bulb = Primitive::Sphere(Sphere {
+            centre: bulb.centre,
+            radius: bulb.radius,
         });
+        let of_chart = chart.as_ref().map(|chart| {
+            let rectangle = Primitive::Rectangle(chart.rectangle());
+            (Thing::Chart, rectangle)
+        });
+        let all = of_sample
+            .into_iter()
+            .chain([(Thing::Bulb, of_bulb)])
+            .chain(of_chart);
+        let (things, primitives) = all.unzip();
+        let geometry = match sample {
+            SampleSurface::Smooth(_) => Geometry::new(primitives, backend),
+            SampleSurface::Mesh(mesh) => Geometry::with_mesh(primitives, Arc::clone(mesh.traced())),
+        };
         let camera = PinholeCamera::new(specification, &placement);
-        let may_shade = may_shade(&sample, chart.as_ref(), &bulb);
-        Some(Geometry::new(primitives, backend).map(|geometry| Self {
+        let may_shade = may_shade(sample, chart.as_ref(), &bulb);
+        Some(geometry.map(|geometry| Self {
             bulb,
             geometry,
-            sample,
+            sample: sample.clone(),
             camera,
             chart,
+            things,
             may_shade,
         }))
     }
@@ -113,40 +166,71 @@ impl Scene {
     pub fn encounter(&self, ray: &Ray, from: Option<PrimitiveId>) -> Option<Encounter> {
         let hit = self.geometry.intersect(ray, from)?;
         let position = ray.origin + ray.direction * hit.distance;
-        let (frame, patch) = match (hit.primitive, &self.chart) {
-            (BULB, _) => return Some(Encounter::Bulb),
-            (CHART, Some(chart)) => (chart.frame, Some(chart.colour(hit.u, hit.v))),
-            _ => (self.sample.frame(position), None),
+        let surface = match (self.thing(hit.primitive), &self.chart, &self.sample) {
+            (Thing::Bulb, ..) => return Some(Encounter::Bulb),
+            (Thing::Chart, Some(chart), _) => Surface {
+                position,
+                frame: chart.frame,
+                thing: Thing::Chart,
+                primitive: hit.primitive,
+                patch: Some(chart.colour(hit.u, hit.v)),
+                on_triangle: None,
+                facet: None,
+            },
+            (_, _, SampleSurface::Smooth(smooth)) => Surface {
+                position,
+                frame: smooth.frame(position),
+                thing: Thing::Sample,
+                primitive: hit.primitive,
+                patch: None,
+                on_triangle: None,
+                facet: None,
+            },
+            (_, _, SampleSurface::Mesh(mesh)) => on_mesh(mesh, &hit),
         };
-        if ray.direction.dot(frame.z) >= 0.0 {
-            return Some(Encounter::Black);
-        }
-        Some(Encounter::Surface(Surface {
-            position,
-            frame,
-            primitive: hit.primitive,
-            patch,
-        }))
-    }
-
-    /// What light scattered at `surface` can meet: the chart from the sample, the sample from the
-    /// chart. No sample sees itself.
-    pub fn facing(&self, surface: PrimitiveId) -> Option<Facing<'_>> {
-        if surface == SAMPLE {
-            return self.chart_rectangle().map(Facing::Rectangle);
-        }
-        Some(match &self.sample {
-            SampleSurface::Square(square) => Facing::Rectangle(square),
-            curved => Facing::Ball(curved.ball()),
+        let is_black =
+            ray.direction.dot(surface.frame.z) >= 0.0 || surface.is_behind(-ray.direction);
+        Some(if is_black {
+            Encounter::Black
+        } else {
+            Encounter::Surface(surface)
         })
     }
 
-    /// The chart and its rectangle, where there is one.
+    /// What a primitive of the geometry is.
+    fn thing(&self, primitive: PrimitiveId) -> Thing {
+        let of_primitive = self.things.get(primitive.0 as usize).copied();
+        of_primitive.unwrap_or(Thing::Sample)
+    }
+
+    /// What light scattered at the sample or the chart can meet: the chart from the sample, the sample from
+    /// the chart. No sample but a mesh sees itself.
+    pub fn facing(&self, thing: Thing) -> Option<Facing<'_>> {
+        match (thing, &self.sample) {
+            (Thing::Sample, SampleSurface::Smooth(_)) => {
+                self.chart_rectangle().map(Facing::Rectangle)
+            }
+            (Thing::Sample, SampleSurface::Mesh(_)) => Some(Facing::Itself(self.chart_rectangle())),
+            (_, SampleSurface::Smooth(SmoothSurface::Square(square))) => {
+                Some(Facing::Rectangle(square))
+            }
+            (_, sample) => Some(Facing::Ball(sample.ball())),
+        }
+    }
+
+    /// The chart's rectangle, where there is a chart.
     pub fn chart_rectangle(&self) -> Option<&Rectangle> {
-        match self.geometry.primitives().get(CHART.0 as usize) {
+        let place = self.things.iter().position(|thing| *thing == Thing::Chart);
+        match self.geometry.primitives().get(place?) {
             Some(Primitive::Rectangle(rectangle)) => Some(rectangle),
             _ => None,
         }
+    }
+
+    /// The bulb.
+    fn bulb_primitive(&self) -> Option<PrimitiveId> {
+        let place = self.things.iter().position(|thing| *thing == Thing::Bulb);
+        place.map(|place| PrimitiveId(place as u32))
     }
 
     /// Whether anything stands between a surface and the bulb, `distance` along `ray`. Where nothing
@@ -155,17 +239,34 @@ impl Scene {
         self.may_shade
             && self
                 .geometry
-                .occluded(ray, Some(from), Some(BULB), distance)
+                .occluded(ray, Some(from), self.bulb_primitive(), distance)
+    }
+}
+
+fn on_mesh(mesh: &MeshSurface, hit: &Hit) -> Surface {
+    let at = OnTriangle {
+        triangle: MeshSurface::triangle(hit.primitive).unwrap_or(0),
+        weights: [hit.u, hit.v],
+    };
+    let point = mesh.point(at);
+    Surface {
+        position: point.position,
+        frame: point.frame,
+        thing: Thing::Sample,
+        primitive: hit.primitive,
+        patch: None,
+        on_triangle: Some(at),
+        facet: Some(point.facet),
     }
 }
 
 /// Whether sample or chart may stand between the bulb and either of them. A flat one does not, unless
 /// all of both is on one side of its plane.
 fn may_shade(sample: &SampleSurface, chart: Option<&Chart>, bulb: &Bulb) -> bool {
-    let Some(chart) = chart else {
-        return false;
+    let (SampleSurface::Smooth(smooth), Some(chart)) = (sample, chart) else {
+        return sample.mesh().is_some();
     };
-    let SampleSurface::Square(square) = sample else {
+    let SmoothSurface::Square(square) = smooth else {
         return true;
     };
     let chart = chart.rectangle();

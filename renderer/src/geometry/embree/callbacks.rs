@@ -4,21 +4,24 @@ use std::ffi::c_int;
 use std::sync::Arc;
 
 use super::abi::{self, BoundsFunctionArguments, QueryFunctionArguments};
-use crate::geometry::primitive::{Hit, Primitive, PrimitiveId, Ray};
+use crate::geometry::primitive::{Hit, PrimitiveId};
+use crate::geometry::shapes::Shapes;
 use crate::rounding::rounded_up;
 
 /// What the callbacks read.
-pub struct UserData {
+pub struct UserData<S> {
     /// What is hit.
-    pub primitives: Arc<[Primitive]>,
+    pub shapes: Arc<S>,
     /// Ready-made: Embree may ask for them with subnormal numbers switched off.
     pub bounds: Box<[abi::Bounds]>,
 }
 
 /// What one query asks and has found so far.
-pub struct QueryState {
-    /// The ray.
-    pub ray: Ray,
+pub struct QueryState<S: Shapes> {
+    /// The ray, prepared for the shapes.
+    pub ray: S::Prepared,
+    /// How far along the ray Embree's own begins, in metres.
+    pub begin: f64,
     /// The primitive that it leaves.
     pub from: PrimitiveId,
     /// The primitive that does not hide anything.
@@ -32,15 +35,15 @@ pub struct QueryState {
 /// Embree's context with our states behind it, one for each ray, found by the ray's id: a ray
 /// keeps its id when Embree moves it to another lane.
 #[repr(C)]
-pub struct Query {
+pub struct Query<S: Shapes> {
     context: abi::QueryContext,
-    states: *mut QueryState,
+    states: *mut QueryState<S>,
     state_count: usize,
 }
 
-impl Query {
+impl<S: Shapes> Query<S> {
     /// A query of one ray.
-    pub fn new(state: &mut QueryState) -> Self {
+    pub fn new(state: &mut QueryState<S>) -> Self {
         Self {
             context: abi::QueryContext {
                 instance_id: abi::INVALID_GEOMETRY_ID,
@@ -52,16 +55,16 @@ impl Query {
     }
 }
 
-// The callbacks. None of them can panic: slices are read through `get`, and the arithmetic is
+// The callbacks. None of them can panic: indices are checked, and the arithmetic is
 // that of floats. (A panic would abort at the `extern "C"` boundary, not unwind into Embree.)
 
 /// Writes a primitive's bounds.
-pub unsafe extern "C" fn bounds_callback(arguments: *const BoundsFunctionArguments) {
+pub unsafe extern "C" fn bounds_callback<S: Shapes>(arguments: *const BoundsFunctionArguments) {
     // SAFETY: Embree passes arguments that live through the call, with the user data that the
     // scene was built with.
     let (arguments, data) = unsafe {
         let arguments = &*arguments;
-        (arguments, &*arguments.user_data.cast::<UserData>())
+        (arguments, &*arguments.user_data.cast::<UserData<S>>())
     };
     if let Some(bounds) = data.bounds.get(arguments.primitive_id as usize) {
         // SAFETY: Embree asks for the bounds to be written there.
@@ -70,11 +73,11 @@ pub unsafe extern "C" fn bounds_callback(arguments: *const BoundsFunctionArgumen
 }
 
 /// Keeps the nearest hit.
-pub unsafe extern "C" fn intersect_callback(arguments: *const QueryFunctionArguments) {
+pub unsafe extern "C" fn intersect_callback<S: Shapes>(arguments: *const QueryFunctionArguments) {
     // SAFETY: Embree passes what the function asks for.
     unsafe {
-        each_lane(arguments, |primitive, id, state| {
-            let found = primitive.intersect(&state.ray, state.distance_max)?;
+        each_lane::<S>(arguments, |shapes, id, state| {
+            let found = shapes.intersect(id, &state.ray, state.distance_max)?;
             // The order in which Embree finds hits is its own affair: at the same distance the
             // lower id wins, as in the native loop.
             let nearer = match &state.hit {
@@ -94,20 +97,20 @@ pub unsafe extern "C" fn intersect_callback(arguments: *const QueryFunctionArgum
                 u: found.u,
                 v: found.v,
             });
-            Some(rounded_up(found.distance))
+            Some(rounded_up(found.distance - state.begin))
         });
     }
 }
 
 /// Keeps any hit.
-pub unsafe extern "C" fn occluded_callback(arguments: *const QueryFunctionArguments) {
+pub unsafe extern "C" fn occluded_callback<S: Shapes>(arguments: *const QueryFunctionArguments) {
     // SAFETY: Embree passes what the function asks for.
     unsafe {
-        each_lane(arguments, |primitive, id, state| {
+        each_lane::<S>(arguments, |shapes, id, state| {
             if id == state.target {
                 return None;
             }
-            let found = primitive.intersect(&state.ray, state.distance_max)?;
+            let found = shapes.intersect(id, &state.ray, state.distance_max)?;
             if found.distance >= state.distance_max {
                 return None;
             }
@@ -130,9 +133,9 @@ pub unsafe extern "C" fn occluded_callback(arguments: *const QueryFunctionArgume
 ///
 /// The arguments must be those of a query of a scene built here, whose context is a [`Query`].
 #[inline(always)]
-unsafe fn each_lane(
+unsafe fn each_lane<S: Shapes>(
     arguments: *const QueryFunctionArguments,
-    test: impl Fn(&Primitive, PrimitiveId, &mut QueryState) -> Option<f32>,
+    test: impl Fn(&S, PrimitiveId, &mut QueryState<S>) -> Option<f32>,
 ) {
     // SAFETY: Embree passes arguments that live through the call. The user data is the scene's;
     // the context is the head of the query's.
@@ -140,14 +143,14 @@ unsafe fn each_lane(
         let arguments = &*arguments;
         (
             arguments,
-            &*arguments.user_data.cast::<UserData>(),
-            &*arguments.context.cast::<Query>(),
+            &*arguments.user_data.cast::<UserData<S>>(),
+            &*arguments.context.cast::<Query<S>>(),
         )
     };
     let id = PrimitiveId(arguments.primitive_id);
-    let Some(primitive) = data.primitives.get(arguments.primitive_id as usize) else {
+    if arguments.primitive_id as usize >= data.shapes.count() {
         return;
-    };
+    }
     let lane_count = arguments.lane_count as usize;
     let fields = arguments.rays.cast::<f32>();
     for lane in 0..lane_count {
@@ -172,7 +175,7 @@ unsafe fn each_lane(
         if id == state.from {
             continue;
         }
-        if let Some(far) = test(primitive, id, state) {
+        if let Some(far) = test(&data.shapes, id, state) {
             // SAFETY: as for the id.
             unsafe { *fields.add(abi::RAY_FIELD_FAR * lane_count + lane) = far };
         }

@@ -1,4 +1,4 @@
-//! A scene: our primitives as one user geometry under Embree's hierarchy.
+//! A scene: our shapes as one user geometry under Embree's hierarchy.
 
 use std::ffi::c_void;
 use std::fmt::{Debug, Formatter, Result as FormatResult};
@@ -9,13 +9,10 @@ use super::abi;
 use super::callbacks::{self, UserData};
 use super::device::{self, Device, Isa};
 use super::error::EmbreeError;
-use crate::geometry::primitive::{Bounds, Primitive};
+use crate::geometry::primitive::{Bounds, PrimitiveId};
+use crate::geometry::shapes::Shapes;
 use crate::vector::Vec3;
 
-/// How far from the origin a ray may start and be Embree's, in multiples of the scene's reach
-/// (its largest coordinate). Rays from farther away go to the native loop: their 32-bit twins
-/// would leave the padding.
-const ORIGIN_REACH_MAX: f64 = 8.0;
 /// How much each side of a bound is moved outwards, in multiples of the scene's reach.
 ///
 /// Within a reach of 1 and origins within 8, distances stay below 16. Rounding origin, direction
@@ -28,31 +25,31 @@ const PADDING: f64 = 1.0 / 65_536.0;
 const PADDING_MIN_METRES: f64 = 1e-12;
 
 /// A committed scene.
-pub struct Scene {
+pub struct Scene<S: Shapes> {
     pub(super) device: &'static Device,
     pub(super) handle: NonNull<abi::Scene>,
     /// Shared with the callbacks, which know its address.
-    pub(super) user_data: Arc<UserData>,
-    /// How far from the origin, along any axis, a ray may start and be Embree's.
-    pub(super) origin_max: f64,
+    pub(super) user_data: Arc<UserData<S>>,
+    /// The largest coordinate of the shapes, by magnitude.
+    pub(super) reach: f64,
 }
 
 // SAFETY: a committed scene may be used and released on any thread.
-unsafe impl Send for Scene {}
+unsafe impl<S: Shapes> Send for Scene<S> {}
 // SAFETY: Embree allows queries of one committed scene from any number of threads at once, the
 // callbacks only read the user data, and what they write belongs to one query.
-unsafe impl Sync for Scene {}
+unsafe impl<S: Shapes> Sync for Scene<S> {}
 
-impl Debug for Scene {
+impl<S: Shapes> Debug for Scene<S> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> FormatResult {
         formatter
             .debug_struct("Scene")
-            .field("origin_max", &self.origin_max)
+            .field("reach", &self.reach)
             .finish_non_exhaustive()
     }
 }
 
-impl Drop for Scene {
+impl<S: Shapes> Drop for Scene<S> {
     fn drop(&mut self) {
         // SAFETY: the handle is ours and used no more. The user data goes after it.
         unsafe { (self.device.functions.release_scene)(self.handle.as_ptr()) };
@@ -72,18 +69,19 @@ impl Drop for GeometryHandle {
     }
 }
 
-impl Scene {
-    /// Builds the hierarchy on the calling thread. The primitives have been checked.
-    pub fn new(primitives: Arc<[Primitive]>, isa: Option<Isa>) -> Result<Self, EmbreeError> {
+impl<S: Shapes> Scene<S> {
+    /// Builds the hierarchy on the calling thread. The shapes have been checked.
+    pub fn new(shapes: Arc<S>, isa: Option<Isa>) -> Result<Self, EmbreeError> {
         let device = device::device(isa)?;
         let functions = device.functions;
-        let bounds: Vec<Bounds> = primitives.iter().map(Primitive::bounds).collect();
+        // Checked by the geometry to be far below.
+        let count = u32::try_from(shapes.count()).unwrap_or(u32::MAX);
+        let bounds = (0..count).map(|id| shapes.bounds(PrimitiveId(id)));
+        let bounds: Vec<Bounds> = bounds.collect();
         let reach = bounds.iter().map(Bounds::reach).fold(0.0, f64::max);
         let padding = (reach * PADDING).max(PADDING_MIN_METRES);
-        // Checked by the geometry to be far below.
-        let count = u32::try_from(primitives.len()).unwrap_or(u32::MAX);
         let user_data = Arc::new(UserData {
-            primitives,
+            shapes,
             bounds: bounds
                 .iter()
                 .map(|bounds| padded(bounds, padding))
@@ -98,7 +96,7 @@ impl Scene {
             device,
             handle: handle.ok_or(nameless("rtcNewScene"))?,
             user_data,
-            origin_max: reach * ORIGIN_REACH_MAX,
+            reach,
         };
         // SAFETY: as above.
         let handle = unsafe { (functions.new_geometry)(device.handle, abi::GEOMETRY_TYPE_USER) };
@@ -118,11 +116,11 @@ impl Scene {
             device.outcome("rtcSetGeometryUserPrimitiveCount")?;
             (functions.set_user_data)(geometry_handle, data);
             device.outcome("rtcSetGeometryUserData")?;
-            (functions.set_bounds_function)(geometry_handle, callbacks::bounds_callback, data);
+            (functions.set_bounds_function)(geometry_handle, callbacks::bounds_callback::<S>, data);
             device.outcome("rtcSetGeometryBoundsFunction")?;
-            (functions.set_intersect_function)(geometry_handle, callbacks::intersect_callback);
+            (functions.set_intersect_function)(geometry_handle, callbacks::intersect_callback::<S>);
             device.outcome("rtcSetGeometryIntersectFunction")?;
-            (functions.set_occluded_function)(geometry_handle, callbacks::occluded_callback);
+            (functions.set_occluded_function)(geometry_handle, callbacks::occluded_callback::<S>);
             device.outcome("rtcSetGeometryOccludedFunction")?;
             (functions.commit_geometry)(geometry_handle);
             device.outcome("rtcCommitGeometry")?;
