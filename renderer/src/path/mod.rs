@@ -226,7 +226,8 @@ impl<'a> Tracer<'a> {
             let area = outline.within_pixel(column, row)?;
             let highlight = match *target {
                 Target::Surface(Thing::Sample) => {
-                    self.highlight.as_ref()?.within_pixel(column, row)
+                    let highlight = self.highlight.as_ref();
+                    highlight.and_then(|outline| outline.within_pixel(column, row))
                 }
                 _ => None,
             };
