@@ -50,12 +50,13 @@ impl<'a> Continuation<'a> {
     ) -> Option<Self> {
         let target = match facing {
             Facing::Ball(Sphere { centre, radius }) => {
-                let cone = Cone::new(surface.position, centre, radius)?;
-                let [_, highest] = cone.heights(surface.frame.z);
-                if highest <= 0.0 {
+                // A ball about a mesh may hold the chart's lower edge.
+                let cone = Cone::new(surface.position, centre, radius);
+                let is_below = |cone: &Cone| cone.heights(surface.frame.z)[1] <= 0.0;
+                if cone.as_ref().is_some_and(is_below) {
                     return None;
                 }
-                Some(Aim::Cone(cone))
+                cone.map(Aim::Cone)
             }
             Facing::Rectangle(rectangle) => {
                 Some(at_rectangle(surface, bsdf, rectangle, wo, bounce)?)

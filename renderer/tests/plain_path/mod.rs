@@ -51,6 +51,9 @@ pub fn radiance(
             *channel *= weight;
         }
         direction = surface.frame.to_world(scattered.wi);
+        if surface.is_behind(direction) {
+            break;
+        }
         let ray = Ray {
             origin: surface.position,
             direction,
@@ -80,7 +83,7 @@ fn direct(
 ) -> [f64; 3] {
     let direction = cone.sample(point);
     let wi = surface.frame.to_local(direction);
-    if wi.z <= 0.0 {
+    if wi.z <= 0.0 || surface.is_behind(direction) {
         return [0.0; 3];
     }
     let ray = Ray {

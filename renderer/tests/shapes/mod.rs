@@ -133,6 +133,14 @@ fn divide(shape: &mut Shape, corners: [Vec3; 3], frequency: u32, radius: f64) {
     }
 }
 
+/// The mantle of a cylinder along x, of 2 `columns` `rows` triangles: open at both ends.
+pub fn cylinder(columns: u32, rows: u32, radius: f64, length: f64) -> Shape {
+    grid([columns, rows], [true, false], |i, j| {
+        let (sin, cos) = libm::sincos(2.0 * PI * i);
+        Vec3::new(length * (j - 0.5), radius * sin, radius * cos)
+    })
+}
+
 /// A cloth of 2 `side`^2 triangles that lies over a ball and falls in folds: open, 1 across.
 pub fn cloth(side: u32) -> Shape {
     grid([side, side], [false, false], |i, j| {
