@@ -23,6 +23,7 @@ mod index_list;
 pub mod keystream;
 pub mod manifest;
 mod material;
+mod mesh_on_film;
 mod pixel_statistics;
 mod sample_on_film;
 mod sampling;

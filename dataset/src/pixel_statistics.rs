@@ -33,7 +33,8 @@ pub struct PixelStatistics {
 
 impl PixelStatistics {
     /// Those of an image whose pixels are given row by row from the top, as the file has them; `None`
-    /// where the specification has no such view, or the film another number of pixels.
+    /// where the specification has no such view or its mesh is not loaded, or the film has another number
+    /// of pixels.
     pub fn of(
         specification: &Specification,
         view: u32,
@@ -55,7 +56,7 @@ impl PixelStatistics {
     }
 
     /// Which pixels of a view's film, row by row from the top, are of the sample; `None` where the
-    /// specification has no such view.
+    /// specification has no such view, or its mesh is not loaded.
     pub fn mask(specification: &Specification, view: u32) -> Option<Vec<bool>> {
         let sample = SampleOnFilm::new(specification, view)?;
         let (width, height) = (specification.image.width, specification.image.height);

@@ -2,6 +2,7 @@
 
 use crate::{
     Specification,
+    mesh_on_film::Mask,
     specification::Shape,
     view::{ViewGeometry, film_pitch},
 };
@@ -15,14 +16,26 @@ pub(crate) struct SampleOnFilm {
     pitch: f64,
     /// Half of the film's columns and rows.
     middle: [f64; 2],
+    /// The pixels that see a mesh.
+    mask: Option<Mask>,
 }
 
 impl SampleOnFilm {
-    /// That of a view; `None` where the specification has no such view.
+    /// That of a view; `None` where the specification has no such view, and where its mesh is not loaded.
     pub fn new(specification: &Specification, view: u32) -> Option<Self> {
         let image = &specification.image;
+        let geometry = specification.view_geometry(view as usize)?;
+        let mask = match specification.sample.shape {
+            Shape::Mesh => {
+                let mesh = specification.sample.loaded_mesh()?;
+                let pitch = film_pitch(specification);
+                Some(mesh.masks().of_view(mesh, specification, &geometry, pitch))
+            }
+            Shape::Square | Shape::Sphere | Shape::Cylinder => None,
+        };
         Some(Self {
-            geometry: specification.view_geometry(view as usize)?,
+            mask,
+            geometry,
             shape: specification.sample.shape,
             side_m: specification.sample.side_m,
             pitch: film_pitch(specification),
@@ -35,7 +48,10 @@ impl SampleOnFilm {
         let at = [column as f64 + 0.5, row as f64 + 0.5];
         match self.shape {
             Shape::Square => self.is_on_square(at),
-            Shape::Mesh => false,
+            Shape::Mesh => {
+                let place = row * (2.0 * self.middle[0]) as usize + column;
+                self.mask.as_ref().is_some_and(|mask| mask[place])
+            }
             Shape::Sphere => self.chord(at, [0, 1, 2]).is_some(),
             Shape::Cylinder => self.chord(at, [1, 2]).is_some_and(|near| {
                 let x = self.origin(0) + near * self.direction(at)[0];

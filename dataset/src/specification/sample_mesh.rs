@@ -4,7 +4,7 @@ use super::{
     SpecificationError,
     error::{Place, quoted},
 };
-use crate::Digest;
+use crate::{Digest, mesh_on_film::Masks};
 use mesh::{Mesh, MeshError, limits::FILE_BYTES_MAX};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::{
@@ -37,6 +37,7 @@ impl SampleMesh {
             loaded: Some(Arc::new(LoadedMesh {
                 mesh,
                 bytes: bytes.into(),
+                masks: Masks::default(),
             })),
         })
     }
@@ -88,6 +89,7 @@ impl<'de> Deserialize<'de> for SampleMesh {
 pub struct LoadedMesh {
     mesh: Mesh,
     bytes: Arc<[u8]>,
+    masks: Masks,
 }
 
 impl LoadedMesh {
@@ -99,6 +101,11 @@ impl LoadedMesh {
     /// The bytes of its file.
     pub fn bytes(&self) -> &Arc<[u8]> {
         &self.bytes
+    }
+
+    /// Which pixels saw it.
+    pub(crate) fn masks(&self) -> &Masks {
+        &self.masks
     }
 
     /// Where its vertices are in the scene, in metres: the mesh is scaled until the longest side of its box
