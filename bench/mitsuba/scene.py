@@ -58,13 +58,35 @@ def _chart(checker):
     }
 
 
-def load(specification, view_index, material):
-    """The scene of a view with a material on the sample: both as the program writes them."""
+def _square(side_m):
+    scale = [0.5 * MILLIMETRES * side_m] * 2 + [1]
+    return {"type": "rectangle", "to_world": mi.ScalarTransform4f().scale(scale)}
+
+
+def _mesh(path, side_m):
+    """A PLY file, placed as the program places it."""
+    box = mi.load_dict({"type": "ply", "filename": str(path)}).bbox()
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in (box.min, box.max))
+    scale = MILLIMETRES * side_m / float((upper - lower).max())
+    middle = 0.5 * (lower + upper)
+    to_world = (
+        mi.ScalarTransform4f()
+        .scale(scale)
+        .translate([-float(middle[0]), -float(middle[1]), -float(upper[2])])
+    )
+    return {"type": "ply", "filename": str(path), "to_world": to_world}
+
+
+def load(specification, view_index, material, mesh=None):
+    """The scene of a view with a material on the sample: both as the program writes them. `mesh` is the path
+    of a PLY file that is the sample instead of the square."""
     if specification["tint"] != "hue":
         raise ValueError("the plugin knows the tint hue only")
     view = specification["views"][view_index]
     camera, light, image = (specification[name] for name in ("camera", "light", "image"))
     elevation_deg = view["camera_elevation_deg"]
+    side_m = specification["sample"]["side_m"]
+    sample = _mesh(mesh, side_m) if mesh else _square(side_m)
     up = [0, 1, 0] if elevation_deg == 90 else [0, 0, 1]
     to_world = mi.ScalarTransform4f().look_at(
         _place(camera["distance_m"], elevation_deg, -1), [0, 0, 0], up
@@ -107,10 +129,7 @@ def load(specification, view_index, material):
             },
         },
         "sample": {
-            "type": "rectangle",
-            "to_world": mi.ScalarTransform4f().scale(
-                [0.5 * MILLIMETRES * specification["sample"]["side_m"]] * 2 + [1]
-            ),
+            **sample,
             "bsdf": {
                 "type": "brdfarm",
                 **material,

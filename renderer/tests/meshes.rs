@@ -292,7 +292,41 @@ fn bytes_of_meshes_depend_on_nothing_but_the_specification() {
     }
 }
 
-/// Of several material and views of a folded cloth at coarse accuracies, at least 96 percent of the pixels
+/// `tests/meshes.sh` runs it.
+#[test]
+#[ignore = "without a hierarchy each ray tests a million triangles: minutes"]
+fn a_million_triangles_have_one_digest() {
+    let shape = shapes::torus(1000, 500, 1.0, 0.4);
+    assert_eq!(shape.triangles.len(), 1_000_000);
+    let mut specification = specification(file(&shape, None), 6);
+    specification.integrator.kind = IntegratorKind::Path;
+    specification.integrator.samples_per_pixel = 16;
+    let digest = |backend: BackendChoice, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        let renderer = renderer(&specification, backend);
+        let rendered = pool
+            .expect("a pool")
+            .install(|| renderer.render(&smooth(), Some(1), 5));
+        dataset::Digest::of(&rendered.expect("an image").exr)
+    };
+    let expected = digest(BackendChoice::Native, 2);
+    for isa in [Isa::Sse2, Isa::Avx2, Isa::Avx512] {
+        match Renderer::new(&specification, BackendChoice::EmbreeOn(isa)) {
+            Ok(_) => {}
+            Err(RenderError::Geometry(GeometryError::Embree(_))) => continue,
+            Err(error) => panic!("{error}"),
+        }
+        for threads in [1, 2] {
+            assert_eq!(
+                digest(BackendChoice::EmbreeOn(isa), threads),
+                expected,
+                "{isa}, {threads}"
+            );
+        }
+    }
+}
+
+/// Of several materials and views of a folded cloth at coarse accuracies, at least 96 percent of the pixels
 /// of each image are within what they state of one that is much finer.
 #[test]
 fn meshes_state_their_error() {
@@ -324,10 +358,6 @@ fn meshes_state_their_error() {
             off > libm::hypot(found.error, finer.error)
         });
         let outside = outside.count();
-        eprintln!(
-            "R {} view {view}: {outside} outside, {:.3} within target",
-            material.roughness, found.statistics.within_target
-        );
         assert!(
             outside * 100 <= (SIDE * SIDE) as usize * 4,
             "R {} view {view}: {outside} pixels",

@@ -1,0 +1,7 @@
+#!/usr/bin/env bash
+# The long tests of meshes: ten million rays at edges and vertices on every instruction set, and a million
+# triangles with one digest, also without a hierarchy. Some 25 minutes on two cores.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+deploy/fetch-embree.sh
+exec cargo test --workspace --features training --test watertight --test meshes -- --ignored
