@@ -5,6 +5,7 @@ use super::{
     identity::{
         acquire, check_bucket, check_vacant, create, grow, log_path, open_blobs, read_specification,
     },
+    mesh_file,
 };
 use dataset::{Digest, Specification};
 use imagestore::{
@@ -80,6 +81,7 @@ impl Store {
         materials_asked: u32,
         lock: File,
     ) -> Result<Self, StoreError> {
+        let specification = mesh_file::load(path, specification)?;
         let (blobs, place) = open_blobs(path)?;
         if let Some(place) = place
             && blobs.claim(&place.owner)? == Claimed::Others
@@ -102,11 +104,11 @@ impl Store {
         })
     }
 
-    /// The specification of the store in a folder, if there is one.
+    /// The specification of the store in a folder, if there is one, with its mesh.
     pub fn kept_specification(path: &Path) -> Result<Option<Specification>, StoreError> {
         match read_specification(path) {
             Err(StoreError::Absent(_)) => Ok(None),
-            kept => kept.map(Some),
+            kept => mesh_file::load(path, kept?).map(Some),
         }
     }
 

@@ -1,6 +1,6 @@
 //! What makes a folder a store: which dataset it is of, and where its images are.
 
-use super::StoreError;
+use super::{StoreError, mesh_file};
 use crate::{CopyError, Holder};
 use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use imagestore::{
@@ -99,7 +99,7 @@ pub(super) fn check_vacant(path: &Path) -> Result<(), StoreError> {
     let unreadable = |error| FileError::new("read", path)(error);
     for entry in fs::read_dir(path).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name();
-        if !LEFT_BEHIND.iter().any(|left| name == *left) {
+        if !LEFT_BEHIND.iter().any(|left| name == *left) && !mesh_file::is_left_behind(&name) {
             return Err(StoreError::Occupied {
                 path: path.to_owned(),
                 found: name.to_string_lossy().into_owned(),
@@ -109,12 +109,13 @@ pub(super) fn check_vacant(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// The identity goes first: the folder is a store from the moment it has a specification.
+/// The mesh goes first, then the identity: the folder is a store from the moment it has a specification.
 pub(super) fn create(
     path: &Path,
     specification: &Specification,
     bucket: Option<&BucketUrl>,
 ) -> Result<(), StoreError> {
+    mesh_file::write(path, specification)?;
     write_identity(path, specification, bucket)?;
     write_specification(path, specification)
 }
@@ -165,8 +166,9 @@ pub fn begin_copy(
         let json = serde_json::to_vec_pretty(&copy);
         let json = json.map_err(|error| damaged(&copy_path(path), error))?;
         write_durably(&copy_path(path), &json)?;
-        write_identity(path, specification, bucket)?;
-    } else if !path.join("store.json").exists() {
+    }
+    if !begun || !path.join("store.json").exists() {
+        mesh_file::write(path, specification)?;
         write_identity(path, specification, bucket)?;
     }
     check_bucket(path, bucket)?;
@@ -284,6 +286,7 @@ fn write_specification(store: &Path, specification: &Specification) -> Result<()
     )?)
 }
 
+/// The specification of a store; the mesh that it names is not loaded ([`mesh_file::load`]).
 pub(super) fn read_specification(store: &Path) -> Result<Specification, StoreError> {
     if let Some(copy) = read_copy(store)? {
         let (name, from) = (store.display().to_string(), copy.from);
@@ -340,8 +343,8 @@ fn read_bounded(path: &Path) -> Result<String, StoreError> {
 }
 
 /// Writes beside, syncs, renames, syncs the folder: there is the file before or the file after.
-fn write_durably(path: &Path, content: &[u8]) -> Result<(), FileError> {
-    let beside = path.with_extension("json.new");
+pub(super) fn write_durably(path: &Path, content: &[u8]) -> Result<(), FileError> {
+    let beside = path.with_added_extension("new");
     File::create(&beside)
         .and_then(|mut file| {
             file.write_all(content)?;

@@ -5,6 +5,7 @@
 //! | `holder` | who has a folder's store open, and where it is served |
 //! | `name` | which store is meant: a folder, or a PostgreSQL database |
 //! | `identity` | what makes a folder a store, and whose images it has |
+//! | `mesh_file` | the mesh of its sample, where that is one |
 //! | `folder` | a store in a folder, open for the one process that writes |
 //! | [`shared`] | a store in a database, which any number of coordinators have open |
 //! | `reading` | either kind, as it was when it was opened |
@@ -19,6 +20,7 @@
 //! ```text
 //! store.json           version of the layout, of the renderer, hash of the specification
 //! specification.json   the whole specification; its presence makes the folder a store
+//! DIGEST.mesh          the mesh of the sample, where that is one; written before the specification
 //! completions.log      one line a completed material
 //! ledger/              jobs, completions, index of images
 //! blobs/ab/...exr      images by digest, unless they are in a bucket
@@ -37,6 +39,7 @@ mod folder;
 pub mod garbage;
 mod holder;
 mod identity;
+mod mesh_file;
 mod name;
 mod reading;
 pub mod repair;
@@ -55,7 +58,10 @@ pub use reading::{ImageFault, ReadOnlyStore};
 pub use shared::{BlobsPlace, SharedStore, SharedStoreError};
 pub use writable::WritableStore;
 
-use dataset::{RENDERER_VERSION, specification::Differences};
+use dataset::{
+    Digest, RENDERER_VERSION,
+    specification::{Differences, SpecificationError},
+};
 use imagestore::{FileError, bucket::BucketUrl};
 use jobstore::ledger::LedgerError;
 use std::path::PathBuf;
@@ -123,6 +129,23 @@ pub enum StoreError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The mesh of its sample is missing or damaged.
+    #[error(
+        "{reason}; put back the file {file_name}, whose BLAKE3 digest is its name; every export of \
+         the dataset has it beside specification.toml"
+    )]
+    Mesh {
+        /// What its file is called.
+        file_name: String,
+        /// What is wrong with it.
+        reason: SpecificationError,
+    },
+    /// A store was to be made for a specification whose mesh is named only.
+    #[error(
+        "the specification names the mesh {0}, which is not loaded: read the specification from a \
+         file that has {0}.mesh beside it"
+    )]
+    MeshNotLoaded(Digest),
     /// Its images are somewhere else than was asked for.
     #[error(
         "the store {} keeps its images in {found}, not in {given}: leave the option out, or choose \

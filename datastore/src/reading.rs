@@ -7,6 +7,7 @@
 use super::{
     StoreError, StoreName,
     identity::{log_path, open_blobs, read_specification},
+    mesh_file,
 };
 use crate::shared;
 use dataset::{CompletedView, Digest, Specification};
@@ -67,7 +68,7 @@ impl ReadOnlyStore {
     }
 
     fn open_folder(path: &Path) -> Result<Self, StoreError> {
-        let specification = read_specification(path)?;
+        let specification = mesh_file::load(path, read_specification(path)?)?;
         let completions = match Completions::open(&log_path(path)) {
             Err(error) if error.source.kind() == io::ErrorKind::NotFound => None,
             completions => Some(completions?),
@@ -81,6 +82,7 @@ impl ReadOnlyStore {
         let name = StoreName::Database(url.to_owned());
         let mut transcript = Transcript::begin(&records_place(&name))?;
         let (specification, blobs) = shared::read(url, &[], &mut |line| transcript.add(line))?;
+        let specification = shared::load_mesh(url, specification)?;
         let completions = Some(transcript.read()?);
         Ok(Self::of(name, specification, completions, blobs))
     }

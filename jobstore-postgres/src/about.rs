@@ -66,6 +66,15 @@ pub enum DatabaseError {
     },
 }
 
+/// The mesh of a dataset's sample, to be kept beside its identity.
+#[derive(Clone, Copy, Debug)]
+pub struct MeshBytes<'a> {
+    /// The digest by which the specification names it.
+    pub digest: [u8; 32],
+    /// The bytes of its file.
+    pub bytes: &'a [u8],
+}
+
 /// What a database is about.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Identity {

@@ -46,6 +46,8 @@ mod locked_jobs;
 #[cfg(feature = "postgres")]
 mod maintenance;
 #[cfg(feature = "postgres")]
+mod meshes;
+#[cfg(feature = "postgres")]
 mod moving;
 #[cfg(any(test, not(feature = "postgres")))]
 #[cfg_attr(
@@ -74,7 +76,7 @@ mod turns;
 #[cfg(feature = "postgres")]
 mod window;
 
-pub use about::{Amendment, DatabaseError, Identity, Live, is_database};
+pub use about::{Amendment, DatabaseError, Identity, Live, MeshBytes, is_database};
 #[cfg(not(feature = "postgres"))]
 pub use no_client::{Database, MaintenanceSession, job_store, without_secrets};
 #[cfg(feature = "postgres")]

@@ -1,7 +1,7 @@
 //! A database from which, or into which, a store is copied: nobody else changes it meanwhile.
 
 use super::{
-    DatabaseError, Identity, Live,
+    DatabaseError, Identity, Live, MeshBytes,
     connecting::{execute, query},
     fault::Fault,
     listing::worker,
@@ -35,10 +35,15 @@ impl MaintenanceSession {
     }
 
     /// Makes the database about a dataset of this many materials, as [`super::Database::make`] does.
-    pub async fn make(&mut self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
+    pub async fn make(
+        &mut self,
+        identity: &Identity,
+        mesh: Option<MeshBytes<'_>>,
+        materials: u32,
+    ) -> Result<(), DatabaseError> {
         let made = async {
             let transaction = self.client.transaction().await?;
-            schema::make(&transaction, identity, materials).await?;
+            schema::make(&transaction, identity, mesh, materials).await?;
             Ok(transaction.commit().await?)
         };
         made.await.map_err(|fault: Fault| self.away(fault))

@@ -1,6 +1,6 @@
 //! The database of a program that was built without a client: there is none.
 
-use super::{Amendment, DatabaseError, Identity, Live};
+use super::{Amendment, DatabaseError, Identity, Live, MeshBytes};
 use jobqueue::Policy;
 use jobstore::{
     JobStore, JobStoreContext, JobStoreError, Meter,
@@ -47,7 +47,17 @@ impl Database {
     }
 
     /// Makes the database about a dataset.
-    pub async fn make(&self, _: &Identity, _: u32) -> Result<(), DatabaseError> {
+    pub async fn make(
+        &self,
+        _: &Identity,
+        _: Option<MeshBytes<'_>>,
+        _: u32,
+    ) -> Result<(), DatabaseError> {
+        match self.0 {}
+    }
+
+    /// The bytes of a mesh.
+    pub async fn mesh(&self, _: &[u8], _: u64) -> Result<Option<Vec<u8>>, DatabaseError> {
         match self.0 {}
     }
 
@@ -94,7 +104,12 @@ impl MaintenanceSession {
     }
 
     /// Makes the database about a dataset.
-    pub async fn make(&mut self, _: &Identity, _: u32) -> Result<(), DatabaseError> {
+    pub async fn make(
+        &mut self,
+        _: &Identity,
+        _: Option<MeshBytes<'_>>,
+        _: u32,
+    ) -> Result<(), DatabaseError> {
         match self.0 {}
     }
 

@@ -1,14 +1,17 @@
 //! The schema, and which dataset it holds.
 
-use super::{Database, DatabaseError, Identity, connecting::execute, fault::Fault};
+use super::{
+    Database, DatabaseError, Identity, MeshBytes, connecting::execute, fault::Fault, meshes,
+};
 use deadpool_postgres::Transaction;
 
 /// The steps that made the schema what it is, in order. One that was released never changes.
-const MIGRATIONS: [&str; 4] = [
+const MIGRATIONS: [&str; 5] = [
     include_str!("migrations/0001_jobs.sql"),
     include_str!("migrations/0002_migrating.sql"),
     include_str!("migrations/0003_compression.sql"),
     include_str!("migrations/0004_identity.sql"),
+    include_str!("migrations/0005_meshes.sql"),
 ];
 
 impl Database {
@@ -32,13 +35,19 @@ impl Database {
     }
 
     /// Makes the database about a dataset of this many materials, or lets the one it is about grow to
-    /// that many. Whoever calls has compared the two.
-    pub async fn make(&self, identity: &Identity, materials: u32) -> Result<(), DatabaseError> {
+    /// that many. Whoever calls has compared the two. A new one gets the mesh of its sample, if that is
+    /// one.
+    pub async fn make(
+        &self,
+        identity: &Identity,
+        mesh: Option<MeshBytes<'_>>,
+        materials: u32,
+    ) -> Result<(), DatabaseError> {
         let made = async {
             let mut connection = self.connection().await?;
             let transaction = connection.transaction().await?;
             execute(&transaction, include_str!("sql/lock_exclusive.sql"), &[]).await?;
-            make(&transaction, identity, materials).await?;
+            make(&transaction, identity, mesh, materials).await?;
             transaction.commit().await?;
             Ok(())
         };
@@ -49,6 +58,7 @@ impl Database {
 pub(super) async fn make(
     transaction: &Transaction<'_>,
     identity: &Identity,
+    mesh: Option<MeshBytes<'_>>,
     materials: u32,
 ) -> Result<(), Fault> {
     // Millions of rows take their time.
@@ -67,6 +77,9 @@ pub(super) async fn make(
         ],
     )
     .await?;
+    if let Some(mesh) = mesh {
+        meshes::keep(transaction, mesh, &identity.specification_hash).await?;
+    }
     let materials = i64::from(materials);
     execute(transaction, include_str!("sql/grow.sql"), &[&materials]).await?;
     Ok(())

@@ -278,6 +278,9 @@ pub const DATABASE_BATCH_MAX: usize = 256;
 /// How long workers that ask a database for work wait for each other after there was none.
 pub const DATABASE_IDLE_PAUSE: Duration = Duration::from_millis(250);
 
+/// Bytes of a sample's mesh that one row of a database keeps, and one statement carries.
+pub const DATABASE_MESH_PART_BYTES: usize = 8 << 20;
+
 /// Jobs that one transaction of a sweep changes.
 pub const DATABASE_PAGE_MAX: i64 = 10_000;
 

@@ -22,7 +22,7 @@ pub use keys::{Key, keys};
 pub use sample_mesh::{LoadedMesh, SampleMesh};
 
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 /// A complete, checked dataset specification: [`Specification::preset`],
 /// [`Specification::from_toml`], [`Specification::load`] and [`Specification::from_json`] give only
@@ -74,6 +74,18 @@ impl Specification {
     /// Where it names none, or another, or the bytes are no mesh.
     pub fn with_mesh(mut self, bytes: Vec<u8>) -> Result<Self, SpecificationError> {
         self.sample.mesh = Some(sample_mesh::with_bytes(self.sample.mesh.as_ref(), bytes)?);
+        Ok(self)
+    }
+
+    /// The same with the mesh that it names loaded from the file DIGEST.mesh of a folder. A specification
+    /// without a mesh stays as it is.
+    ///
+    /// # Errors
+    /// Where the file is not there, cannot be read, is too large, or holds another mesh or none.
+    pub fn with_mesh_in(mut self, folder: &Path) -> Result<Self, SpecificationError> {
+        if let Some(named) = &self.sample.mesh {
+            self.sample.mesh = Some(sample_mesh::load_in(folder, named)?);
+        }
         Ok(self)
     }
 }

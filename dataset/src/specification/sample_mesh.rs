@@ -144,16 +144,18 @@ pub(super) fn load(name: &str, folder: Option<&Path>) -> Result<SampleMesh, Stri
     let shown = digest.map_or_else(|| quoted(name), |_| file_name.clone());
     let path = within(folder, &file_name, &shown)?;
     let bytes = read(&path).map_err(|error| format!("names \"{shown}\", which {error}"))?;
-    let mesh = SampleMesh::of_bytes(bytes)
-        .map_err(|error| format!("names \"{shown}\", which cannot be rendered: {error}"))?;
-    match digest {
-        Some(digest) if digest != mesh.digest => Err(format!(
-            "names the mesh {digest}, but \"{shown}\" beside the specification holds {}: it was \
-             changed or damaged",
-            mesh.digest
-        )),
-        _ => Ok(mesh),
+    // Before it is read as a mesh: what was damaged may be none.
+    let found = Digest::of(&bytes);
+    if let Some(digest) = digest
+        && digest != found
+    {
+        return Err(format!(
+            "names the mesh {digest}, but \"{shown}\" beside the specification holds {found}: it was \
+             changed or damaged"
+        ));
     }
+    SampleMesh::of_bytes(bytes)
+        .map_err(|error| format!("names \"{shown}\", which cannot be rendered: {error}"))
 }
 
 /// The file of a name in a folder or below it; `shown` is the name as an error may repeat it.
@@ -209,19 +211,29 @@ fn read(path: &Path) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
+fn refused(file: String, message: String) -> SpecificationError {
+    SpecificationError::Refused {
+        place: Place {
+            file,
+            line_column: None,
+        },
+        key: "sample.mesh".to_owned(),
+        message,
+    }
+}
+
+/// Loads a mesh that is named by its digest from its file in a folder.
+pub(super) fn load_in(folder: &Path, named: &SampleMesh) -> Result<SampleMesh, SpecificationError> {
+    let loaded = load(&named.digest.to_string(), Some(folder));
+    loaded.map_err(|message| refused(folder.display().to_string(), message))
+}
+
 /// Loads a mesh that is named by its digest.
 pub(super) fn with_bytes(
     named: Option<&SampleMesh>,
     bytes: Vec<u8>,
 ) -> Result<SampleMesh, SpecificationError> {
-    let refused = |message: String| SpecificationError::Refused {
-        place: Place {
-            file: "specification".to_owned(),
-            line_column: None,
-        },
-        key: "sample.mesh".to_owned(),
-        message,
-    };
+    let refused = |message| refused("specification".to_owned(), message);
     let named =
         named.ok_or_else(|| refused("is not there, but bytes of a mesh were given".to_owned()))?;
     let found = Digest::of(&bytes);

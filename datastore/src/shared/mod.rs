@@ -9,13 +9,14 @@
 //! (`writing.rs`). Both block their thread: a command has nothing else to do.
 
 mod identity;
+mod kept_mesh;
 mod place;
 mod reading;
 mod staging;
 mod writing;
 
 use crate::CopyError;
-use dataset::{RENDERER_VERSION, Specification, specification::Differences};
+use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use identity::{check, check_target, known};
 use imagestore::{
     FileError,
@@ -30,7 +31,7 @@ use tokio::{runtime, task};
 
 pub use jobstore_postgres::DatabaseError;
 pub use place::BlobsPlace;
-pub use reading::{read, snapshot};
+pub use reading::{load_mesh, read, snapshot};
 pub use writing::SharedWriter;
 
 /// Why a shared store cannot be used.
@@ -84,6 +85,26 @@ pub enum SharedStoreError {
         /// The version that made it.
         found: String,
     },
+    /// The mesh of its sample is missing or damaged.
+    #[error(
+        "the mesh of the dataset in {name} {reason}: restore the table meshes from a backup of the \
+         database; it has the bytes of the file {digest}.mesh, which every export of the dataset has \
+         beside specification.toml"
+    )]
+    Mesh {
+        /// The database.
+        name: String,
+        /// By what the specification names it.
+        digest: Digest,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A store was to be made for a specification whose mesh is named only.
+    #[error(
+        "the specification names the mesh {0}, which is not loaded: read the specification from a \
+         file that has {0}.mesh beside it"
+    )]
+    MeshNotLoaded(Digest),
     /// Nobody said where the images are to be.
     #[error("{0} is a new store: say where its images are to be, by --blobs")]
     BlobsUnknown(String),
@@ -163,8 +184,13 @@ impl SharedStore {
             if kept.as_ref() == Some(&identity) {
                 break (wanted, place);
             }
-            database.make(&identity, wanted.materials).await?;
+            let mesh = match kept {
+                None => kept_mesh::bytes(&wanted)?,
+                Some(_) => None,
+            };
+            database.make(&identity, mesh, wanted.materials).await?;
         };
+        let specification = kept_mesh::load(&database, specification).await?;
         Self::in_place(database, specification, place).await
     }
 
@@ -195,6 +221,7 @@ impl SharedStore {
             looked => drop(known(database.name(), looked?)?),
         }
         let (specification, place) = known(database.name(), database.open().await?)?;
+        let specification = kept_mesh::load(&database, specification).await?;
         Ok((database, specification, place))
     }
 
@@ -243,9 +270,12 @@ impl SharedStore {
             blobs: place.to_string(),
             migrating_from: Some(from.to_owned()),
         };
+        let mesh = kept_mesh::bytes(specification)?;
         // A place of somebody else's is refused before the database says that it is this one's.
         let store = Self::in_place(database, specification.clone(), place).await?;
-        maintenance.make(&identity, specification.materials).await?;
+        maintenance
+            .make(&identity, mesh, specification.materials)
+            .await?;
         Ok((store, maintenance))
     }
 

@@ -7,6 +7,7 @@
 mod cheap_image;
 mod cheap_renderer;
 mod complete_store;
+mod mesh;
 mod recovery;
 mod repair;
 mod validation;

@@ -37,7 +37,7 @@ async fn make(url: &str, materials: u32) {
         blobs: "/nowhere".to_owned(),
         migrating_from: None,
     };
-    database.make(&identity, materials).await.unwrap();
+    database.make(&identity, None, materials).await.unwrap();
     assert_eq!(database.open().await.unwrap(), Some(identity));
 }
 
