@@ -138,7 +138,7 @@ pub enum StoreError {
         /// What its file is called.
         file_name: String,
         /// What is wrong with it.
-        reason: SpecificationError,
+        reason: Box<SpecificationError>,
     },
     /// A store was to be made for a specification whose mesh is named only.
     #[error(

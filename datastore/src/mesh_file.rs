@@ -29,7 +29,10 @@ pub(super) fn load(
     };
     let file_name = mesh.file_name();
     let loaded = specification.with_mesh_in(store);
-    loaded.map_err(|reason| StoreError::Mesh { file_name, reason })
+    loaded.map_err(|reason| StoreError::Mesh {
+        file_name,
+        reason: Box::new(reason),
+    })
 }
 
 /// Whether a file of this name is what writing a mesh leaves behind that was cut short.

@@ -381,7 +381,7 @@ mod tests {
         );
 
         // What one stages is safe from the others; what is left of one that is gone is not.
-        let digest = dataset::Digest::of(b"image");
+        let digest = Digest::of(b"image");
         let staged = one.blobs.stage(digest, b"image").unwrap();
         drop(two.blobs.stage(digest, b"image").unwrap());
         drop(two);

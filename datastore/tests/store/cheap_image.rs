@@ -3,7 +3,7 @@
 
 use dataset::{
     IMAGE_HEADER_ATTRIBUTE, IMAGE_SOFTWARE, ImageHeader, REC709_CHROMATICITIES, Specification,
-    specification::{Image, Pixel, SampleMesh, Shape},
+    specification::{Image, Pixel},
 };
 use exr::{
     image::write::channels::WritableChannels,
@@ -32,18 +32,6 @@ pub fn small_specification(materials: u32) -> Specification {
     specification.image.width = 16;
     specification.image.height = 20;
     specification.views.truncate(3);
-    specification
-}
-
-/// The same with a sample that is a mesh: a tent, `height` above its valleys.
-pub fn mesh_specification(materials: u32, height: f64) -> Specification {
-    let tent = format!(
-        "v -1 -1 0\nv 0 -1 {height}\nv 1 -1 0\nv -1 1 0\nv 0 1 {height}\nv 1 1 0\n\
-         f 1 2 5 4\nf 2 3 6 5\n"
-    );
-    let mut specification = small_specification(materials);
-    specification.sample.shape = Shape::Mesh;
-    specification.sample.mesh = Some(SampleMesh::of_bytes(tent.into_bytes()).unwrap());
     specification
 }
 

@@ -8,6 +8,7 @@ mod cheap_image;
 mod cheap_renderer;
 mod complete_store;
 mod mesh;
+mod mesh_specification;
 mod recovery;
 mod repair;
 mod validation;

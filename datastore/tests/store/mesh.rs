@@ -1,9 +1,8 @@
 //! Stores whose sample is a mesh: its file is beside their identity.
 
 use crate::{
-    cheap_image::{mesh_specification, small_specification},
-    cheap_renderer::checks,
-    complete_store::make_store,
+    cheap_image::small_specification, cheap_renderer::checks, complete_store::make_store,
+    mesh_specification::mesh_specification,
 };
 use dataset::{Digest, Specification};
 use datastore::{
