@@ -36,6 +36,9 @@ const QUICK_HARD_CASES: [&str; 3] = ["ordinary", "mirror", "half-lambert"];
 /// The views of --quick: the two that training uses, and one without chart.
 const QUICK_VIEWS: [u32; 3] = [5, 8, 9];
 
+/// The accuracies at which shapes are compared with --quick.
+const QUICK_SHAPE_ACCURACIES: [f64; 2] = [1e-1, 3e-2];
+
 /// The reference's relative accuracy with --quick.
 const QUICK_REFERENCE_RELATIVE: f64 = 1e-5;
 
@@ -166,6 +169,7 @@ fn plan(options: &Options) -> Result<Plan, BadInput> {
             Setting::Samples(samples) => *samples <= QUICK_SAMPLES_MAX,
         });
         plan.reference_relative = QUICK_REFERENCE_RELATIVE;
+        plan.shape_accuracies = QUICK_SHAPE_ACCURACIES.to_vec();
     }
     if let Some(MaterialList(materials)) = &options.materials {
         plan.materials.clone_from(materials);
@@ -186,6 +190,9 @@ fn plan(options: &Options) -> Result<Plan, BadInput> {
     if let Some(only) = options.integrator {
         plan.settings
             .retain(|setting| setting.integrator() == only.kind());
+        if only.kind() == IntegratorKind::Path {
+            plan.shape_accuracies.clear();
+        }
     }
     if let Some(reference) = options.reference {
         plan.reference_relative = reference;

@@ -8,6 +8,7 @@
 //! | [`survey`] | rendering and measuring it |
 //! | [`comparison`] | how far a film is from its reference |
 //! | [`backends`] | one view by every backend |
+//! | [`shapes`] | square, sphere and mesh beside each other |
 //! | [`statistics`] | quantiles, slopes, histograms |
 //! | [`machine`] | what it ran on |
 
@@ -19,12 +20,14 @@ mod numbers;
 mod page;
 pub mod plan;
 mod plots;
+pub mod shapes;
 pub mod statistics;
 pub mod survey;
 mod tables;
 
 use backends::Outcome;
 use plan::Plan;
+use shapes::ShapeMeasurement;
 use survey::Measurement;
 
 /// What was found.
@@ -36,6 +39,8 @@ pub struct Report {
     pub measurements: Vec<Measurement>,
     /// One view by every backend.
     pub backends: Vec<Outcome>,
+    /// Square, sphere and mesh.
+    pub shapes: Vec<ShapeMeasurement>,
     /// Names and values of the machine.
     pub machine: Vec<(&'static str, String)>,
 }
@@ -55,6 +60,9 @@ pub enum ReportError {
     /// A view could not be rendered.
     #[error(transparent)]
     Render(#[from] renderer::RenderError),
+    /// The mesh of the comparison is none: a fault of this program.
+    #[error("the mesh of the report cannot be made: {0}: please report this")]
+    Mesh(#[from] mesh::MeshError),
     /// No thread could be started.
     #[error("cannot start a thread to render on: {0}")]
     Thread(#[from] rayon::ThreadPoolBuildError),
@@ -79,10 +87,12 @@ impl Report {
     pub fn make(plan: Plan, advance: &(dyn Fn() + Sync)) -> Result<Self, ReportError> {
         let measurements = survey::survey(&plan, advance)?;
         let backends = backends::compete(&backends::contenders(), plan.size_pixels)?;
+        let shapes = shapes::compare_shapes(&plan, advance)?;
         Ok(Self {
             plan,
             measurements,
             backends,
+            shapes,
             machine: machine::facts(),
         })
     }

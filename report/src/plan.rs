@@ -1,6 +1,6 @@
 //! What is rendered: materials, views and a ladder of settings for each integrator.
 
-use crate::comparison::RELATIVE_FLOOR;
+use crate::{comparison::RELATIVE_FLOOR, shapes};
 use dataset::{
     HARD_CASES, Material, Specification,
     specification::{Accuracy, IntegratorKind},
@@ -8,6 +8,9 @@ use dataset::{
 
 /// Relative accuracies asked of the hybrid integrator; the absolute one is [`RELATIVE_FLOOR`] of it.
 pub const HYBRID_LADDER: [f64; 5] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5];
+
+/// Relative accuracies at which square, sphere and mesh are compared.
+pub const SHAPE_LADDER: [f64; 4] = [1e-1, 3e-2, 1e-2, 3e-3];
 
 /// Samples a pixel of the path tracer.
 pub const PATH_LADDER: [u32; 5] = [16, 64, 256, 1024, 4096];
@@ -124,6 +127,8 @@ pub struct Plan {
     pub settings: Vec<Setting>,
     /// The relative accuracy asked of the reference.
     pub reference_relative: f64,
+    /// Relative accuracies at which square, sphere and mesh are compared.
+    pub shape_accuracies: Vec<f64>,
     /// Views rendered at a time, each on a thread of its own.
     pub threads: usize,
 }
@@ -143,6 +148,7 @@ impl Plan {
                 .chain(PATH_LADDER.map(Setting::Samples))
                 .collect(),
             reference_relative: REFERENCE_RELATIVE,
+            shape_accuracies: SHAPE_LADDER.to_vec(),
             threads,
         }
     }
@@ -150,6 +156,6 @@ impl Plan {
     /// How many renderings it takes, references included.
     pub fn renderings(&self) -> u64 {
         let cells = self.materials.len() * self.views.len();
-        (cells * (self.settings.len() + 1)) as u64
+        (cells * (self.settings.len() + 1) + shapes::renderings(self)) as u64
     }
 }

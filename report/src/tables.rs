@@ -67,6 +67,22 @@ struct BackendRow {
     unavailable: Option<String>,
 }
 
+/// A row of `shapes.csv`.
+#[derive(Serialize)]
+struct ShapeRow {
+    shape: String,
+    view: u32,
+    relative_accuracy: f64,
+    wall_seconds: f64,
+    cpu_seconds: f64,
+    pixels_compared: usize,
+    mean_relative_error: f64,
+    p95_relative_error: f64,
+    reference_p95_relative_error: f64,
+    share_within_stated_error: f64,
+    share_stated_within_target: f64,
+}
+
 /// Every table.
 pub fn write(report: &Report) -> Result<Vec<File>, ReportError> {
     let name = |one: &Measurement| report.plan.materials[one.material].name.as_str();
@@ -85,6 +101,7 @@ pub fn write(report: &Report) -> Result<Vec<File>, ReportError> {
         file("stages.csv", stages)?,
         file("calibration.csv", calibration(report))?,
         file("backends.csv", backends(report))?,
+        file("shapes.csv", shapes(report))?,
     ])
 }
 
@@ -157,6 +174,22 @@ fn calibration(report: &Report) -> Vec<CalibrationRow> {
         );
     }
     rows
+}
+
+fn shapes(report: &Report) -> impl Iterator<Item = ShapeRow> {
+    report.shapes.iter().map(|one| ShapeRow {
+        shape: one.shape.to_string(),
+        view: one.view,
+        relative_accuracy: one.relative,
+        wall_seconds: one.cost.wall_seconds,
+        cpu_seconds: one.cost.cpu_seconds,
+        pixels_compared: one.comparison.pixels,
+        mean_relative_error: one.comparison.mean_relative_error,
+        p95_relative_error: one.comparison.p95_relative_error,
+        reference_p95_relative_error: one.comparison.reference_p95_relative_error,
+        share_within_stated_error: one.comparison.within_bound,
+        share_stated_within_target: one.within_target,
+    })
 }
 
 fn backends(report: &Report) -> impl Iterator<Item = BackendRow> {

@@ -15,6 +15,7 @@ fn plan(materials: &[&str], views: &[u32], settings: &[Setting]) -> Plan {
         size_pixels: 8,
         settings: settings.to_vec(),
         reference_relative: 1e-3,
+        shape_accuracies: vec![0.2],
         threads: 2,
     }
 }
@@ -103,6 +104,7 @@ fn tables_hold_a_row_a_rendering_and_finite_numbers() {
         ("stages.csv", 6),
         ("calibration.csv", 4),
         ("backends.csv", 7),
+        ("shapes.csv", 11),
     ] {
         let mut reader = csv::Reader::from_reader(text(&files, name).as_bytes());
         let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();

@@ -471,6 +471,7 @@ fn a_narrowed_report_is_written_whole() {
         "stages.csv",
         "backends.csv",
         "calibration.csv",
+        "shapes.csv",
         "time-error.svg",
     ] {
         assert!(!read(name).is_empty(), "{name}");

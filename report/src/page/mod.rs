@@ -10,13 +10,14 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 const STYLE: &str = include_str!("style.css");
 
 /// The sections, by anchor.
-const SECTIONS: [(&str, &str); 8] = [
+const SECTIONS: [(&str, &str); 9] = [
     ("time", "Time against error"),
     ("convergence", "Convergence"),
     ("hard", "Hard cases"),
     ("calibration", "Calibration of the stated error"),
     ("stages", "Where the time goes"),
     ("backends", "Backends and instruction sets"),
+    ("shapes", "Spheres and meshes"),
     ("method", "Method"),
     ("machine", "Machine"),
 ];
@@ -71,6 +72,7 @@ fn section(anchor: &str, report: &Report, plots: &[Plot]) -> Markup {
             (results::stages(report))
         },
         "backends" => results::backends(report),
+        "shapes" => results::shapes(report),
         "method" => method::method(report),
         _ => method::machine(report),
     }

@@ -9,6 +9,7 @@ use crate::numbers::{
     self, NOT_REACHED, exact, group, percent, scientific, seconds, significant, times,
 };
 use crate::plan::{Setting, integrator_name};
+use crate::shapes;
 use crate::statistics::Spread;
 use crate::survey::Measurement;
 use dataset::{HARD_CASES, Specification, specification::IntegratorKind};
@@ -353,6 +354,44 @@ fn view_name(view: u32) -> String {
         "{view}: camera {}°, light {}°, turned {}°, {chart}",
         described.camera_elevation_deg, described.light_elevation_deg, described.rotation_deg
     )
+}
+
+/// Square, sphere and mesh beside each other.
+pub fn shapes(report: &Report) -> Markup {
+    if report.shapes.is_empty() {
+        return html! { p { "Not measured." } };
+    }
+    html! {
+        p {
+            "The material " code { (HARD_CASES[shapes::MATERIAL].name) } " on a square, a sphere and a mesh, "
+            (report.plan.size_pixels.min(shapes::SIZE_PIXELS_MAX)) " pixels a side, on one thread. The light on a \
+            square is worked out; on others a part of it is traced, by as many paths as the accuracy takes, \
+            up to a limit. The last column says how many pixels state that they meet the accuracy."
+        }
+        table {
+            thead {
+                tr {
+                    th.name { "Shape" } th.name { "View" } th { "Accuracy" } th { "Processor time" }
+                    th { "Mean error" } th { "95th percentile" } th { "Within stated error" }
+                    th { "Stated within accuracy" }
+                }
+            }
+            tbody {
+                @for one in &report.shapes {
+                    tr {
+                        td.name { (shapes::name(one.shape)) }
+                        td.name { (view_name(one.view)) }
+                        td { (exact(one.relative)) }
+                        td { (seconds(one.cost.cpu_seconds)) }
+                        td { (scientific(one.comparison.mean_relative_error)) }
+                        td { (scientific(one.comparison.p95_relative_error)) }
+                        td { (percent(one.comparison.within_bound)) }
+                        td { (percent(one.within_target)) }
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// One view by every backend and instruction set.
