@@ -9,6 +9,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(env::var("OUT_DIR")?);
     fs::write(out.join("farm.bin"), descriptors.encode_to_vec())?;
     tonic_prost_build::configure()
+        .bytes(".brdfarm.v1.GetMeshResponse.bytes")
         .bytes(".brdfarm.v1.PutBlobRequest.data")
         .bytes(".brdfarm.v1.View.image")
         .bytes(".brdfarm.v1.GetBlobResponse.data")

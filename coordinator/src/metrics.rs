@@ -214,8 +214,9 @@ pub(crate) async fn serve(
 
 /// The last part of a path that is known; paths come from outside, and every name costs memory.
 fn call_name(path: &str) -> &'static str {
-    const CALLS: [&str; 24] = [
+    const CALLS: [&str; 25] = [
         "GetDataset",
+        "GetMesh",
         "Register",
         "Lease",
         "Renew",

@@ -24,13 +24,14 @@ pub use generated::{
     CompleteResponse, Counts, DeregisterRequest, DeregisterResponse, Disputed, DrainRequest,
     ErrorStatistics, Event, FailRequest, FailResponse, FindMissingBlobsRequest,
     FindMissingBlobsResponse, GetBlobRequest, GetBlobResponse, GetDatasetRequest,
-    GetDatasetResponse, GetUploadUrlsRequest, GetUploadUrlsResponse, Header, Job, JobDetail,
-    JobFailure, JobSelection, JobState, JobsChanged, LeaseRequest, LeaseResponse, ListJobsRequest,
-    ListJobsResponse, ListWorkersRequest, ListWorkersResponse, MaterialRange, Mode, ModeChanged,
-    PauseRequest, PixelStatistics, PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse,
-    RegisterRequest, RegisterResponse, RenewRequest, RenewResponse, Renewal, ResumeRequest,
-    RetryJobsRequest, SetAside, StatusRequest, StatusResponse, UnbarWorkerRequest,
-    UnbarWorkerResponse, Upload, UploadUrl, View, WatchEventsRequest, WorkerDetail, WorkerFailure,
+    GetDatasetResponse, GetMeshRequest, GetMeshResponse, GetUploadUrlsRequest,
+    GetUploadUrlsResponse, Header, Job, JobDetail, JobFailure, JobSelection, JobState, JobsChanged,
+    LeaseRequest, LeaseResponse, ListJobsRequest, ListJobsResponse, ListWorkersRequest,
+    ListWorkersResponse, MaterialRange, Mode, ModeChanged, PauseRequest, PixelStatistics,
+    PrioritizeJobsRequest, PutBlobRequest, PutBlobResponse, RegisterRequest, RegisterResponse,
+    RenewRequest, RenewResponse, Renewal, ResumeRequest, RetryJobsRequest, SetAside, StatusRequest,
+    StatusResponse, UnbarWorkerRequest, UnbarWorkerResponse, Upload, UploadUrl, View,
+    WatchEventsRequest, WorkerDetail, WorkerFailure,
 };
 
 /// What a coordinator implements for people, one method a call.

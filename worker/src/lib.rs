@@ -7,6 +7,7 @@
 
 mod connection;
 mod delivery;
+mod fetched_mesh;
 mod job;
 mod render;
 mod upload;

@@ -3,6 +3,7 @@
 use crate::{
     connection::{CallError, Connection},
     delivery::{Delivered, deliver, report_failure},
+    fetched_mesh::with_mesh,
     job::{Held, Job, RenderedJob, Unrendered, render_views},
     render::{Render, RenderFailure},
     upload::Uploader,
@@ -88,6 +89,9 @@ pub enum WorkerError {
     /// The coordinator sent a specification that cannot be read.
     #[error("the coordinator's specification cannot be read: {0}")]
     Specification(String),
+    /// The coordinator sent something else than the mesh that its specification names.
+    #[error("the coordinator's mesh cannot be used: {0}; ask whoever runs the coordinator")]
+    Mesh(String),
     /// This machine cannot render the dataset.
     #[error("the renderer cannot start: {0}")]
     Renderer(RenderFailure),
@@ -176,14 +180,17 @@ impl Worker {
             .map_err(failed)?;
         let specification = Specification::from_json(&dataset.specification_json)
             .map_err(|error| WorkerError::Specification(error.to_string()))?;
-        let specification = Arc::new(specification);
-        // Before the renderer is prepared: a worker that is not wanted should hear so at once.
+        // Before the mesh is fetched and the renderer prepared: a worker that is not wanted should hear so
+        // at once.
         let registered = register(&connection, &options, &[], &specification).await;
         let RegisterResponse {
             worker_id,
             lease_ms,
             deadline_ms,
         } = registered.map_err(failed)?;
+        // Kept as long as the worker: a coordinator that it registers with again has the same.
+        let specification = with_mesh(&connection, specification, failed).await?;
+        let specification = Arc::new(specification);
         let prepared = Arc::clone(&specification);
         let render = spawn_blocking(move || prepare(&prepared))
             .await

@@ -9,10 +9,12 @@ use crate::{
     farm::{Farm, Md5, Outcome, RenderedImage, RenderedMaterial},
     security::{Caller, Role},
 };
+use bytes::Bytes;
 use dataset::{CompletedView, Digest, ErrorStatistics, PixelStatistics, RENDERER_VERSION};
 use imagestore::staging::{Credential, LeaseOf};
 use jobqueue::identity::{OPERATOR, full_name};
 use jobstore::Renewal;
+use limits::protocol::MESH_BYTES_PER_CALL;
 use std::{sync::Arc, time::Duration};
 use tonic::{Code, Request, Response, Status};
 use tracing::{Instrument, info_span};
@@ -34,6 +36,20 @@ impl proto::Farm for FarmService {
             renderer_version: RENDERER_VERSION.to_owned(),
             materials: self.farm.progress().borrow().counts.materials,
         }))
+    }
+
+    async fn get_mesh(
+        &self,
+        request: Request<proto::GetMeshRequest>,
+    ) -> Answer<proto::GetMeshResponse> {
+        let offset = request.into_inner().offset;
+        let mesh = self.farm.specification.sample.loaded_mesh();
+        let mesh = mesh.ok_or_else(|| {
+            let message = "the sample of this dataset is not a mesh: there is none to fetch";
+            refuse(Code::NotFound, "NO_MESH", message)
+        })?;
+        let (bytes, total_bytes) = part(mesh.bytes(), offset)?;
+        Ok(Response::new(proto::GetMeshResponse { bytes, total_bytes }))
     }
 
     async fn register(
@@ -265,6 +281,20 @@ impl proto::Farm for FarmService {
         let released = self.farm.deregister(worker).await?;
         Ok(Response::new(proto::DeregisterResponse { released }))
     }
+}
+
+/// The bytes of a mesh that one answer has, and how many there are in all.
+fn part(mesh: &[u8], offset: u64) -> Result<(Bytes, u64), Status> {
+    let rest = usize::try_from(offset)
+        .ok()
+        .and_then(|offset| mesh.get(offset..));
+    let Some(rest @ [_, ..]) = rest else {
+        let total = mesh.len();
+        let message = format!("the mesh has {total} bytes, none of them at offset {offset}");
+        return Err(refuse(Code::OutOfRange, "NO_SUCH_OFFSET", message));
+    };
+    let bytes = &rest[..rest.len().min(MESH_BYTES_PER_CALL)];
+    Ok((Bytes::copy_from_slice(bytes), mesh.len() as u64))
 }
 
 /// Which credential answers for a worker that registers.

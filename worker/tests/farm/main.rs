@@ -10,6 +10,9 @@ mod bench;
 mod completion;
 mod disk;
 mod leases;
+mod mesh;
+#[path = "../../../datastore/tests/store/mesh_specification.rs"]
+mod mesh_specification;
 mod operation;
 mod refusals;
 mod restarts;
