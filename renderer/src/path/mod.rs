@@ -258,6 +258,9 @@ impl<'a> Tracer<'a> {
         let Some(facets) = &self.facets else {
             return 0.0;
         };
+        if !facets.may_be_seen(column, row) {
+            return 0.0;
+        }
         let most = facets.light_max(column, row, self.reflectance, self.scene.bulb.radiance);
         UNSEEN / f64::from(paths) * (most - brightest).max(0.0)
     }
