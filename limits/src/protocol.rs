@@ -15,8 +15,9 @@ pub const BLOB_BYTES_MAX: u64 = 7 << 20;
 /// by one, so that on a slow line what has arrived need not be sent again.
 pub const IMAGES_BROUGHT_BYTES_MAX: u64 = 256 << 10;
 
-/// The bytes of a mesh that one answer has, but for the last.
-pub const MESH_BYTES_PER_CALL: usize = 1 << 20;
+/// The bytes of a mesh that one answer has, but for the last. An answer that nobody reads may be kept whole
+/// as long as its connection, of which one makes 64 calls: 4 MiB.
+pub const MESH_BYTES_PER_CALL: usize = 64 << 10;
 
 /// Length of a lease token and of a worker's id, bytes.
 pub const TOKEN_BYTES: usize = 16;

@@ -48,7 +48,7 @@ impl proto::Farm for FarmService {
             let message = "the sample of this dataset is not a mesh: there is none to fetch";
             refuse(Code::NotFound, "NO_MESH", message)
         })?;
-        let (bytes, total_bytes) = part(mesh.bytes(), offset)?;
+        let (bytes, total_bytes) = part(Bytes::from_owner(Arc::clone(mesh.bytes())), offset)?;
         Ok(Response::new(proto::GetMeshResponse { bytes, total_bytes }))
     }
 
@@ -283,18 +283,19 @@ impl proto::Farm for FarmService {
     }
 }
 
-/// The bytes of a mesh that one answer has, and how many there are in all.
-fn part(mesh: &[u8], offset: u64) -> Result<(Bytes, u64), Status> {
-    let rest = usize::try_from(offset)
-        .ok()
-        .and_then(|offset| mesh.get(offset..));
-    let Some(rest @ [_, ..]) = rest else {
+/// The bytes of a mesh that one answer has, and how many there are in all. They are not copied: an answer
+/// that waits to be sent takes next to no memory.
+fn part(mesh: Bytes, offset: u64) -> Result<(Bytes, u64), Status> {
+    let offset_in_memory = usize::try_from(offset).unwrap_or(usize::MAX);
+    if offset_in_memory >= mesh.len() {
         let total = mesh.len();
         let message = format!("the mesh has {total} bytes, none of them at offset {offset}");
         return Err(refuse(Code::OutOfRange, "NO_SUCH_OFFSET", message));
-    };
-    let bytes = &rest[..rest.len().min(MESH_BYTES_PER_CALL)];
-    Ok((Bytes::copy_from_slice(bytes), mesh.len() as u64))
+    }
+    let end = mesh
+        .len()
+        .min(offset_in_memory.saturating_add(MESH_BYTES_PER_CALL));
+    Ok((mesh.slice(offset_in_memory..end), mesh.len() as u64))
 }
 
 /// Which credential answers for a worker that registers.
