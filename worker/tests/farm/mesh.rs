@@ -280,7 +280,7 @@ async fn a_coordinator_that_lies_about_its_mesh_is_left() {
         ),
         (
             |mesh, offset| (mesh.slice(offset..), mesh.len() as u64),
-            "not 1048576",
+            "not 65536",
             1,
         ),
         (
