@@ -131,8 +131,8 @@ pub enum StoreError {
     },
     /// The mesh of its sample is missing or damaged.
     #[error(
-        "{reason}; put back the file {file_name}, whose BLAKE3 digest is its name; every export of \
-         the dataset has it beside specification.toml"
+        "{reason}; put back the file {file_name}, the mesh that the dataset was made with: its BLAKE3 \
+         digest is its name"
     )]
     Mesh {
         /// What its file is called.

@@ -13,8 +13,12 @@ use crate::vector::Vec3;
 /// that would need more is not told apart: everything may be everywhere.
 const ENTRIES_MAX: u64 = 64;
 
-/// By how much the half vectors of a triangle may turn more than to first order.
+/// By how much the half vectors of a triangle may turn more than to first order, up to [`TURNS_MAX`].
 const SECOND_ORDER: f64 = 1.2;
+
+/// The sum of sines by which the directions from a triangle to the camera and to the bulb may turn. Of a
+/// triangle or a bulb that is larger beside its distance nothing is known.
+const TURNS_MAX: f64 = 0.5;
 
 /// What each pixel of a film may see of a mesh.
 #[derive(Debug)]
@@ -122,11 +126,14 @@ impl Facet {
         let extent = extent.into_iter().fold(0.0, f64::max);
         let (to_eye, to_bulb) = (eye - middle, bulb - middle);
         let sum = to_eye.normalized() + to_bulb.normalized();
-        // How far directions to the eye and to the bulb turn, and so half of what their sum does over its
-        // half length.
+        // By how much the directions to the eye and to the bulb turn, to first order. Their sum turns by that
+        // over its length.
         let turns = extent / to_eye.length() + (extent + scene.bulb.radius) / to_bulb.length();
         let cosine = 0.5 * sum.length();
-        let half_turns = SECOND_ORDER * 0.5 * turns / cosine;
+        if turns > TURNS_MAX.min(cosine) {
+            return Some(Self::unknown(corners));
+        }
+        let half_turns = SECOND_ORDER * 0.5 * turns / (cosine - 0.5 * turns);
         let (normal, normals_turn) = mesh.normal_cone(triangle);
         let between = normal.dot(sum.normalized()).clamp(-1.0, 1.0);
         let angle = (libm::acos(between) - normals_turn - half_turns).max(0.0);
@@ -140,6 +147,15 @@ impl Facet {
             log_secant2: (log_secant2 as f32).next_down().max(0.0),
             cosine: (cosine - turns).max(0.0),
         })
+    }
+
+    /// One of which nothing is known but where it is.
+    fn unknown(corners: [Vec3; 3]) -> Self {
+        Self {
+            corners,
+            log_secant2: 0.0,
+            cosine: 0.0,
+        }
     }
 
     /// The columns and rows of the film that its box touches; `None` where not all of it is in front of the
@@ -158,5 +174,104 @@ impl Facet {
             let [begin, end] = [begin, end].map(|at| at.clamp(0.0, side) as usize);
             begin..end.max(begin)
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::direct::{BulbLight, SlopeBatch};
+    use crate::numerics::{instructions::Instructions, tolerance::Tolerance};
+    use crate::scene::Encounter;
+    use dataset::{
+        Material, Specification,
+        specification::{SampleMesh, Shape, Tint},
+    };
+    use proptest::prelude::*;
+
+    /// A bumpy plate of 2 `side`^2 triangles with heights drawn at random, with or without normals of its
+    /// vertices, which are those of a smoother plate.
+    fn plate(side: usize, heights: &[f64], has_normals: bool) -> SampleMesh {
+        let places = || (0..=side).flat_map(|j| (0..=side).map(move |i| [i, j]));
+        let height = |i: usize, j: usize| heights[(j * (side + 1) + i) % heights.len()];
+        let positions = places().map(|[i, j]| [i as f64, j as f64, height(i, j)]);
+        let normals = places().map(|[i, j]| [0.3 * height(i, j), 0.2 - 0.1 * height(j, i), 1.0]);
+        let vertex = |i: usize, j: usize| (j * (side + 1) + i) as u32;
+        let cells = (0..side).flat_map(|j| (0..side).map(move |i| [i, j]));
+        let triangles = cells.flat_map(|[i, j]| {
+            let [a, b] = [vertex(i, j), vertex(i + 1, j)];
+            let [c, d] = [vertex(i + 1, j + 1), vertex(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        });
+        let normals = has_normals.then(|| normals.collect());
+        let (positions, triangles) = (positions.collect(), triangles.collect());
+        let mesh = mesh::Mesh::new(positions, triangles, normals, None, None);
+        SampleMesh::of_bytes(mesh.expect("a mesh").to_ply()).expect("a mesh")
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(300))]
+
+        /// No point that a pixel sees is brighter by the bulb than the pixel's bound, whatever the mesh, the
+        /// lobe and the bulb, and a pixel that may not see the mesh does not.
+        #[test]
+        fn no_light_of_the_bulb_exceeds_its_bound(
+            (side, heights, has_normals) in (
+                1usize..9, prop::collection::vec(-1.0..1.0f64, 81), any::<bool>()
+            ),
+            (roughness, anisotropy, angle_deg) in (0.0..100.0f64, 0.0..1.0f64, 0.0..180.0f64),
+            (view, radius_m, side_m) in (0usize..14, 0.001..0.6f64, 0.02..0.6f64),
+            places in prop::collection::vec((0.0..1.0f64, 0.0..1.0f64), 4),
+        ) {
+            const SIDE: u32 = 12;
+            let mut specification = Specification::preset();
+            specification.sample.shape = Shape::Mesh;
+            specification.sample.side_m = side_m;
+            specification.sample.mesh = Some(plate(side, &heights, has_normals));
+            specification.light.radius_m = radius_m;
+            specification.views[view].checker = false;
+            (specification.image.width, specification.image.height) = (SIDE, SIDE);
+            let scene = Scene::new(&specification, view, BackendChoice::Native);
+            let scene = scene.expect("a view").expect("a scene");
+            let facets = Facets::new(&scene).expect("a mesh");
+            let material = Material {
+                roughness,
+                anisotropy,
+                angle_deg,
+                ior: 10.0,
+                rgb0: [1.0, 0.8, 0.4],
+                rgb90: [1.0, 1.0, 1.0],
+            };
+            let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+            let light = BulbLight {
+                reflectance: &reflectance,
+                radius: radius_m,
+                radiance: scene.bulb.radiance,
+                tolerance: Tolerance::new(1e-4),
+                instructions: Instructions::widest(),
+            };
+            let mut batch = SlopeBatch::default();
+            let pixels = (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| [column, row]));
+            for ([column, row], (x, y)) in pixels.flat_map(|at| places.iter().map(move |to| (at, to))) {
+                let ray = scene.camera.ray(f64::from(column) + x, f64::from(row) + y);
+                let Some(Encounter::Surface(surface)) = scene.encounter(&ray, None) else {
+                    continue;
+                };
+                prop_assert!(facets.may_be_seen(column, row), "column {column}, row {row}");
+                let wo = surface.frame.to_local(-ray.direction);
+                let to_bulb = surface.frame.to_local(scene.bulb.centre - surface.position);
+                if to_bulb.z < radius_m {
+                    continue;
+                }
+                let (found, _) = light.toward(wo, to_bulb, &mut batch);
+                let brightest = found.tint.into_iter().fold(0.0, f64::max) * libm::exp(found.log);
+                let most = facets.light_max(column, row, &reflectance, scene.bulb.radiance);
+                prop_assert!(
+                    brightest <= most * 1.001 + 1e-12,
+                    "column {column}, row {row}: {brightest} exceeds {most}"
+                );
+            }
+        }
     }
 }

@@ -370,9 +370,9 @@ impl<'a> Tracer<'a> {
     }
 
     /// The bulb's light off a surface: worked out where that is possible, and else by one sampled point of
-    /// the bulb. On a mesh, what is worked out knows of no shadow. A sampled point of the bulb takes that away:
-    /// nothing, where all of the bulb is seen. Where its centre is not, most of it is hidden, and points that
-    /// are seen add up to less than those that are hidden take away.
+    /// the bulb. What is worked out knows of no shadow. On a mesh, a sampled point that is hidden takes its
+    /// light away, so nothing is sampled where all of the bulb is seen. Where the bulb's centre is hidden,
+    /// most of the bulb is, and fewer points add than would take away: nothing is worked out there.
     fn bulb_light(
         &self,
         surface: &Surface,
