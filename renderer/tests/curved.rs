@@ -12,7 +12,6 @@ use renderer::{
     film::FilmPixel,
     geometry::BackendChoice,
     reflectance::Reflectance,
-    sampler::{Dimension, Sampler},
     scene::{Encounter, Scene, Thing},
 };
 
@@ -68,37 +67,6 @@ fn mirror() -> Material {
     }
 }
 
-/// A pixel by plain paths all over it: the mean and its standard error.
-fn plainly(scene: &Scene, reflectance: &Reflectance, pixel: [u32; 2], key: u64) -> [[f64; 2]; 3] {
-    const REPLICATES: u32 = 32;
-    const PATHS: u32 = 512;
-    let means: Vec<[f64; 3]> = (0..REPLICATES)
-        .map(|replicate| {
-            let sampler = Sampler::new(key, pixel[0] << 8 | pixel[1], replicate);
-            let mut sum = [0.0; 3];
-            for index in 0..PATHS {
-                let [x, y] = sampler.point(Dimension::Film, index);
-                let ray = scene
-                    .camera
-                    .ray(f64::from(pixel[0]) + x, f64::from(pixel[1]) + y);
-                let radiance = plain_path::radiance(scene, reflectance, ray, &sampler, index, 4);
-                for (sum, channel) in sum.iter_mut().zip(radiance) {
-                    *sum += channel / f64::from(PATHS);
-                }
-            }
-            sum
-        })
-        .collect();
-    std::array::from_fn(|channel| {
-        let count = f64::from(REPLICATES);
-        let mean = means.iter().map(|mean| mean[channel]).sum::<f64>() / count;
-        let squares = means
-            .iter()
-            .map(|of| (of[channel] - mean) * (of[channel] - mean));
-        [mean, (squares.sum::<f64>() / (count - 1.0) / count).sqrt()]
-    })
-}
-
 /// Both integrators of curved samples, in views with and without the chart, against paths that share
 /// the model, the scene and the geometry with them and nothing else. Of 24 images of 100 pixels, whose
 /// channels are correlated, one is off by more than this with a probability of 1e-3.
@@ -127,7 +95,7 @@ fn curved_samples_agree_with_plain_paths() {
         let mut shown = 0;
         for (index, pixel) in (0u32..).zip(&image.film.pixels) {
             let at = [index % 10, index / 10];
-            let plain = plainly(&scene, &reflectance, at, 99);
+            let plain = plain_path::pixel(&scene, &reflectance, at, [99, 512]);
             for (value, [mean, error]) in pixel.value.into_iter().zip(plain) {
                 // A stated error is half of a 95 percent interval.
                 let own = pixel.error / 1.96;

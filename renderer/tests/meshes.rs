@@ -13,7 +13,6 @@ use renderer::{
     Instructions, RenderError, Renderer, Rendering,
     geometry::{BackendChoice, GeometryError, Isa},
     reflectance::Reflectance,
-    sampler::{Dimension, Sampler},
     scene::{Encounter, Scene},
     vector::Vec3,
 };
@@ -135,37 +134,6 @@ fn fine_meshes_are_the_surfaces_that_they_divide() {
     }
 }
 
-/// A pixel by plain paths all over it: the mean and its standard error.
-fn plainly(scene: &Scene, reflectance: &Reflectance, pixel: [u32; 2]) -> [[f64; 2]; 3] {
-    const REPLICATES: u32 = 32;
-    const PATHS: u32 = 256;
-    let means: Vec<[f64; 3]> = (0..REPLICATES)
-        .map(|replicate| {
-            let sampler = Sampler::new(77, pixel[0] << 8 | pixel[1], replicate);
-            let mut sum = [0.0; 3];
-            for index in 0..PATHS {
-                let [x, y] = sampler.point(Dimension::Film, index);
-                let ray = scene
-                    .camera
-                    .ray(f64::from(pixel[0]) + x, f64::from(pixel[1]) + y);
-                let radiance = plain_path::radiance(scene, reflectance, ray, &sampler, index, 4);
-                for (sum, channel) in sum.iter_mut().zip(radiance) {
-                    *sum += channel / f64::from(PATHS);
-                }
-            }
-            sum
-        })
-        .collect();
-    std::array::from_fn(|channel| {
-        let count = f64::from(REPLICATES);
-        let mean = means.iter().map(|mean| mean[channel]).sum::<f64>() / count;
-        let squares = means
-            .iter()
-            .map(|of| (of[channel] - mean) * (of[channel] - mean));
-        [mean, (squares.sum::<f64>() / (count - 1.0) / count).sqrt()]
-    })
-}
-
 /// Shadows, reflections of a cloth in itself and the chart, against plain paths that share the model, the
 /// scene and the geometry and nothing else. Of 12 images of 144 pixels one is off by more than this with a
 /// probability of 1e-3.
@@ -195,7 +163,7 @@ fn a_cloth_agrees_with_plain_paths() {
         let mut lit = 0;
         for (index, pixel) in (0u32..).zip(&image.film.pixels) {
             let at = [index % SIDE, index / SIDE];
-            let plain = plainly(&scene, &reflectance, at);
+            let plain = plain_path::pixel(&scene, &reflectance, at, [77, 256]);
             for (value, [mean, error]) in pixel.value.into_iter().zip(plain) {
                 // A stated error is half of a 95 percent interval.
                 let limit = T_LIMIT * libm::hypot(pixel.error / 1.96, error) + 1e-9;
@@ -340,7 +308,7 @@ fn meshes_state_their_error() {
         .flat_map(|material| [(material, 5, 0.1), (material, 9, 0.02), (material, 12, 0.1)])
         .collect();
     cases.par_iter().for_each(|(material, view, relative)| {
-        const SIDE: u32 = 32;
+        const SIDE: u32 = 24;
         let mut coarse = specification(bytes.clone(), SIDE);
         coarse.accuracy.relative = *relative;
         coarse.accuracy.absolute = 0.1 * relative;
@@ -348,7 +316,7 @@ fn meshes_state_their_error() {
         let mut fine = coarse.clone();
         fine.accuracy.relative = 0.001;
         fine.accuracy.absolute = 0.0001;
-        fine.integrator.samples_per_pixel = 1024;
+        fine.integrator.samples_per_pixel = 512;
         let [found, finer] =
             [&coarse, &fine].map(|specification| render(specification, material, *view));
         let pairs = found.film.pixels.iter().zip(&finer.film.pixels);
@@ -364,6 +332,59 @@ fn meshes_state_their_error() {
             material.roughness
         );
     });
+}
+
+/// The x axis of the material follows the file's tangents, or else the texture coordinate u, also where that
+/// is mirrored, or else is the world's, carried along.
+#[test]
+fn frames_follow_tangents_or_texture_coordinates() {
+    let positions = vec![
+        [-1.0, -1.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 1.0, 0.0],
+    ];
+    let triangles = vec![[0, 1, 2], [0, 2, 3]];
+    // u grows along +y, and v along +x, which mirrors them; tilted normals and tangents.
+    let uvs = vec![[0.0, 0.0], [0.0, 1.0], [1.0, 1.0], [1.0, 0.0]];
+    let normals = vec![[0.0, 0.6, 0.8]; 4];
+    let tangents = vec![[-1.0, 0.0, 0.0]; 4];
+    let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(Vec3::from);
+    let tilted = Vec3::new(0.0, 0.6, 0.8);
+    let along_y = Vec3::new(0.0, 0.8, -0.6);
+    for (normals, tangents, uvs, expected) in [
+        (None, None, None, [x, z]),
+        (None, None, Some(uvs.clone()), [y, z]),
+        (Some(normals.clone()), None, None, [x, tilted]),
+        (
+            Some(normals.clone()),
+            None,
+            Some(uvs.clone()),
+            [along_y, tilted],
+        ),
+        (Some(normals), Some(tangents), Some(uvs), [-x, tilted]),
+    ] {
+        let mesh = Mesh::new(positions.clone(), triangles.clone(), normals, tangents, uvs);
+        let specification = specification(mesh.expect("a mesh").to_ply(), 4);
+        let scene = Scene::new(&specification, 12, BackendChoice::Native);
+        let scene = scene.expect("a view").expect("a scene");
+        let Some(Encounter::Surface(surface)) = scene.encounter(&scene.camera.ray(2.1, 2.3), None)
+        else {
+            panic!("the camera sees the mesh");
+        };
+        let [along, normal] = expected;
+        let frame = surface.frame;
+        for (found, expected) in [
+            (frame.x, along),
+            (frame.z, normal),
+            (frame.y, normal.cross(along)),
+        ] {
+            assert!(
+                (found - expected).length() < 1e-12,
+                "{frame:?}, not {expected:?}"
+            );
+        }
+    }
 }
 
 /// A mesh that is only named is refused with a sentence.

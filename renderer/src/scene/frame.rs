@@ -60,3 +60,25 @@ impl Frame {
         self.x * v.x + self.y * v.y + self.z * v.z
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Also where a normal points straight down, or nearly so.
+    #[test]
+    fn a_carried_frame_is_orthonormal_whatever_the_normal() {
+        for tilt in [0.0, 1e-200, 1e-17, 1e-9, 1e-4, 0.3, 1.5, 3.0] {
+            for turn in [0.0, 0.7, 2.0, 4.4] {
+                let ((sin, cos), (sin_turn, cos_turn)) = (libm::sincos(tilt), libm::sincos(turn));
+                for z in [cos, -cos] {
+                    let normal = Vec3::new(sin * cos_turn, sin * sin_turn, z);
+                    let Frame { x, y, z } = Frame::carried(normal);
+                    assert!((z - normal).length() < 1e-12, "{normal:?}");
+                    assert!((x.length() - 1.0).abs() < 1e-9, "{normal:?}: {x:?}");
+                    assert!((x.cross(y) - z).length() < 1e-9, "{normal:?}: {x:?} {y:?}");
+                }
+            }
+        }
+    }
+}

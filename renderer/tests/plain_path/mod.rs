@@ -104,3 +104,40 @@ fn accumulate(sum: &mut [f64; 3], throughput: [f64; 3], radiance: [f64; 3]) {
         *sum += throughput * radiance;
     }
 }
+
+/// A pixel by plain paths all over it, 32 times `paths` of them: the mean of each channel and its standard
+/// error.
+#[allow(dead_code, reason = "not every test asks for a whole pixel")]
+pub fn pixel(
+    scene: &Scene,
+    reflectance: &Reflectance,
+    pixel: [u32; 2],
+    [key, paths]: [u32; 2],
+) -> [[f64; 2]; 3] {
+    const REPLICATES: u32 = 32;
+    let means: Vec<[f64; 3]> = (0..REPLICATES)
+        .map(|replicate| {
+            let sampler = Sampler::new(key.into(), pixel[0] << 8 | pixel[1], replicate);
+            let mut sum = [0.0; 3];
+            for index in 0..paths {
+                let [x, y] = sampler.point(Dimension::Film, index);
+                let ray = scene
+                    .camera
+                    .ray(f64::from(pixel[0]) + x, f64::from(pixel[1]) + y);
+                let found = radiance(scene, reflectance, ray, &sampler, index, 4);
+                for (sum, channel) in sum.iter_mut().zip(found) {
+                    *sum += channel / f64::from(paths);
+                }
+            }
+            sum
+        })
+        .collect();
+    std::array::from_fn(|channel| {
+        let count = f64::from(REPLICATES);
+        let mean = means.iter().map(|mean| mean[channel]).sum::<f64>() / count;
+        let squares = means
+            .iter()
+            .map(|of| (of[channel] - mean) * (of[channel] - mean));
+        [mean, (squares.sum::<f64>() / (count - 1.0) / count).sqrt()]
+    })
+}
