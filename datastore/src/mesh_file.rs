@@ -1,11 +1,8 @@
 //! The mesh of a store in a folder: a file beside its identity, named by its digest.
 
 use super::{StoreError, identity::write_durably};
-use dataset::{Digest, Specification};
+use dataset::{Specification, specification::SampleMesh};
 use std::{ffi::OsStr, path::Path};
-
-/// What the name of a mesh's file ends with.
-const EXTENSION: &str = "mesh";
 
 /// Writes the mesh that a specification names, durably, where it names one. The identity follows:
 /// whatever names the mesh finds it.
@@ -35,22 +32,34 @@ pub(super) fn load(
     })
 }
 
+/// Loads the mesh as [`load`] does. Where the store has lost it, it gets that of the specification that was
+/// given, which is of the same hash and so names the same one.
+pub(super) fn load_or_restore(
+    store: &Path,
+    specification: Specification,
+    given: &Specification,
+) -> Result<Specification, StoreError> {
+    match load(store, specification.clone()) {
+        Err(StoreError::Mesh { .. }) if given.sample.loaded_mesh().is_some() => {
+            write(store, given)?;
+            load(store, specification)
+        }
+        loaded => loaded,
+    }
+}
+
 /// Whether a file of this name is what writing a mesh leaves behind that was cut short.
 pub(super) fn is_left_behind(name: &OsStr) -> bool {
-    let name = Path::new(name);
-    let whole = if name.extension() == Some(OsStr::new("new")) {
-        Path::new(name.file_stem().unwrap_or_default())
-    } else {
-        name
+    let Some(name) = name.to_str() else {
+        return false;
     };
-    let digest = whole.file_stem().and_then(OsStr::to_str);
-    whole.extension() == Some(OsStr::new(EXTENSION))
-        && digest.is_some_and(|digest| digest.parse::<Digest>().is_ok())
+    SampleMesh::of_file_name(name.strip_suffix(".new").unwrap_or(name)).is_some()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dataset::Digest;
 
     #[test]
     fn only_what_a_digest_names_was_left_behind() {

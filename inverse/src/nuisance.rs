@@ -167,8 +167,9 @@ impl NuisanceValues {
         if changed == *specification {
             return Ok(changed);
         }
-        // Reading it back is what checks it.
-        Ok(Specification::from_json(&changed.to_json())?)
+        // Reading it back is what checks it, and loads no mesh.
+        let checked = Specification::from_json(&changed.to_json())?;
+        Ok(checked.with_mesh_of(specification))
     }
 }
 
@@ -180,6 +181,7 @@ fn elevation(degrees: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dataset::specification::{SampleMesh, Shape};
 
     const ALL: Nuisances = Nuisances {
         light_elevation_deg: Some(1.0),
@@ -217,6 +219,20 @@ mod tests {
         };
         let refused = bad.variables(&preset, &[5]).unwrap_err().to_string();
         assert!(refused.contains("nuisances.gain is -1"), "{refused}");
+    }
+
+    #[test]
+    fn a_changed_scene_keeps_its_mesh() {
+        let mut shaped = Specification::preset();
+        let mesh = SampleMesh::of_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec());
+        shaped.sample.shape = Shape::Mesh;
+        shaped.sample.mesh = Some(mesh.unwrap());
+        let variables = ALL.variables(&shaped, &[5]).unwrap();
+        let values = values(&variables, &vec![0.5; variables.len()], 1);
+        let changed = values.apply(&shaped, &[5]).unwrap();
+        assert_ne!(changed, shaped);
+        let loaded = changed.sample.loaded_mesh().expect("a mesh");
+        assert_eq!(loaded.mesh().triangles().len(), 1);
     }
 
     #[test]

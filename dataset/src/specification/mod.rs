@@ -77,6 +77,14 @@ impl Specification {
         Ok(self)
     }
 
+    /// The same with the mesh that it names loaded as in another specification, where that has the same one.
+    pub fn with_mesh_of(mut self, other: &Self) -> Self {
+        if self.sample.mesh == other.sample.mesh {
+            self.sample.mesh.clone_from(&other.sample.mesh);
+        }
+        self
+    }
+
     /// The same with the mesh that it names loaded from the file DIGEST.mesh of a folder. A specification
     /// without a mesh stays as it is.
     ///

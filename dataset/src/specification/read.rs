@@ -71,6 +71,19 @@ impl Specification {
     /// Also where the file cannot be read, has more than [`TEXT_BYTES_MAX`] bytes or is not UTF-8,
     /// and where the mesh cannot be loaded.
     pub fn load(path: &Path) -> Result<Self, SpecificationError> {
+        Self::load_in(path, path.parent())
+    }
+
+    /// Reads a TOML file as [`Self::load`] does, and loads no mesh, which has to be named by its digest.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::from_toml`], and where the file cannot be read.
+    pub fn load_without_mesh(path: &Path) -> Result<Self, SpecificationError> {
+        Self::load_in(path, None)
+    }
+
+    fn load_in(path: &Path, folder: Option<&Path>) -> Result<Self, SpecificationError> {
         let file = path.display().to_string();
         let mut bytes = Vec::new();
         let read = File::open(path).and_then(|opened| {
@@ -85,7 +98,7 @@ impl Specification {
             return Err(SpecificationError::TooLarge { file });
         }
         match str::from_utf8(&bytes) {
-            Ok(text) => Self::from_text(text, &file, path.parent()),
+            Ok(text) => Self::from_text(text, &file, folder),
             Err(error) => Err(SpecificationError::NotUtf8 {
                 file,
                 offset: error.valid_up_to(),

@@ -64,6 +64,12 @@ impl SampleMesh {
     pub fn file_name(&self) -> String {
         format!("{}.{EXTENSION}", self.digest)
     }
+
+    /// The mesh, not loaded, whose file is called so ([`Self::file_name`]); `None` where no mesh's is.
+    pub fn of_file_name(name: &str) -> Option<Self> {
+        let (stem, extension) = name.rsplit_once('.')?;
+        (extension == EXTENSION).then_some(Self::named(stem.parse().ok()?))
+    }
 }
 
 impl PartialEq for SampleMesh {
@@ -124,8 +130,19 @@ impl LoadedMesh {
 /// Loads the mesh that a specification names: a file in its folder, or a digest.
 ///
 /// # Errors
-/// One sentence, which goes on after the key's name.
+/// One sentence, which goes on after the key's name and says what to do.
 pub(super) fn load(name: &str, folder: Option<&Path>) -> Result<SampleMesh, String> {
+    find(name, folder).map_err(|reason| match name.parse().map(SampleMesh::named) {
+        Ok(named) => format!(
+            "{reason}; put back {}, the mesh that the dataset was made with: its BLAKE3 digest is its name",
+            named.file_name()
+        ),
+        Err(_) => reason,
+    })
+}
+
+/// Loads a mesh as [`load`] does; what to do about one that is named by its digest is not said.
+fn find(name: &str, folder: Option<&Path>) -> Result<SampleMesh, String> {
     let digest: Option<Digest> = name.parse().ok();
     let Some(folder) = folder else {
         return digest.map(SampleMesh::named).ok_or_else(|| {
@@ -224,7 +241,7 @@ fn refused(file: String, message: String) -> SpecificationError {
 
 /// Loads a mesh that is named by its digest from its file in a folder.
 pub(super) fn load_in(folder: &Path, named: &SampleMesh) -> Result<SampleMesh, SpecificationError> {
-    let loaded = load(&named.digest.to_string(), Some(folder));
+    let loaded = find(&named.digest.to_string(), Some(folder));
     loaded.map_err(|message| refused(folder.display().to_string(), message))
 }
 
@@ -321,6 +338,26 @@ mod tests {
             assert!(given.sample.loaded_mesh().is_some());
         }
         let _ = fs::remove_dir_all(folder);
+    }
+
+    #[test]
+    fn only_a_digest_names_the_file_of_a_mesh() {
+        let mesh = SampleMesh::named(Digest::of(b"mesh"));
+        let name = mesh.file_name();
+        assert_eq!(SampleMesh::of_file_name(&name), Some(mesh));
+        let digest = name.strip_suffix(".mesh").expect("its ending");
+        for other in [
+            digest.to_owned(),
+            format!("{digest}.obj"),
+            format!("{name}.new"),
+            format!("../{name}"),
+            format!("{}.mesh", digest.to_uppercase()),
+            "cloth.mesh".to_owned(),
+            ".mesh".to_owned(),
+            String::new(),
+        ] {
+            assert_eq!(SampleMesh::of_file_name(&other), None, "{other}");
+        }
     }
 
     #[test]

@@ -71,6 +71,7 @@ mod tests {
     use crate::pixels::normalisation::Normalisation;
     use crate::variant::Variant;
     use dataset::Specification;
+    use dataset::specification::{SampleMesh, Shape};
 
     const MIB: usize = 1 << 20;
 
@@ -106,6 +107,24 @@ mod tests {
     #[test]
     fn what_a_training_writes_has_no_fault() {
         assert_eq!(options().fault(4 * MIB), None);
+    }
+
+    /// A model names the mesh that its images show, and is read where nobody has that mesh.
+    #[test]
+    fn the_specification_of_a_mesh_is_read_without_the_mesh() {
+        let mut shaped = Specification::preset();
+        let mesh = SampleMesh::of_bytes(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec());
+        shaped.sample.shape = Shape::Mesh;
+        shaped.sample.mesh = Some(mesh.unwrap());
+        let mut options = options();
+        options.identity.specification = shaped.hash().to_string();
+        options.specification = shaped.to_json();
+        assert_eq!(options.fault(4 * MIB), None);
+        let json = serde_json::to_string(&options).unwrap();
+        let read: ModelOptions = serde_json::from_str(&json).unwrap();
+        let scene = read.scene().unwrap();
+        assert_eq!(scene.hash(), shaped.hash());
+        assert!(scene.sample.loaded_mesh().is_none());
     }
 
     #[test]
