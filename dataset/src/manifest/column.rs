@@ -75,8 +75,8 @@ pub enum Value {
     /// Of [`Kind::F64List`].
     F64List(Vec<f64>),
     /// Nothing is known. Only in a column that may be absent ([`Column::optional`]): in a row that was
-    /// read from a manifest of an earlier version, or that is of an image which an earlier version
-    /// recorded. No manifest is written with it.
+    /// read from a manifest of an earlier version, that is of an image which an earlier version
+    /// recorded, or that is of a specification whose mesh is not loaded. No manifest is written with it.
     Missing,
 }
 

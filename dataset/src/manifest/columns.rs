@@ -50,12 +50,30 @@ fn flat<const M: usize, const N: usize>(matrix: &[[f64; N]; M]) -> Value {
     Value::F64List(matrix.as_flattened().to_vec())
 }
 
+/// How many triangles the sample has: as many as its file has once quadrangles are divided. Nothing is known
+/// of a mesh that is not loaded.
+fn triangles(image: &Image<'_>) -> Value {
+    let Some(mesh) = &image.specification.sample.mesh else {
+        return Value::U32(0);
+    };
+    let loaded = mesh.loaded();
+    let count = loaded.and_then(|loaded| loaded.mesh().triangles().len().try_into().ok());
+    count.map_or(Value::Missing, Value::U32)
+}
+
+/// A word where there is no mesh: readers of CSV take an empty field for a value that is missing, and
+/// every row of a manifest has every value.
+fn mesh(image: &Image<'_>) -> Value {
+    let mesh = image.specification.sample.mesh.as_ref();
+    mesh.map_or_else(|| text("none"), |mesh| text(mesh.digest()))
+}
+
 fn bin(image: &Image<'_>, parameter: usize) -> Value {
     Value::U32(u32::from(image.bins[parameter]))
 }
 
 /// Every column with the function that gives its value, in the manifest's order.
-pub(super) static COLUMNS: [Column; 59] = [
+pub(super) static COLUMNS: [Column; 61] = [
     column("dataset", Kind::Text, "", "The dataset's name.", |i| {
         text(&i.specification.name)
     }),
@@ -456,7 +474,22 @@ pub(super) static COLUMNS: [Column; 59] = [
         "sample_shape",
         Kind::Text,
         "",
-        "The shape of the sample: square, sphere or cylinder.",
+        "The shape of the sample: square, sphere, cylinder or mesh.",
         |i| text(i.specification.sample.shape),
+    )),
+    later(column(
+        "sample_triangles",
+        Kind::U32,
+        "1",
+        "Triangles of the sample's mesh; 0 where the sample is no mesh.",
+        triangles,
+    )),
+    later(column(
+        "sample_mesh",
+        Kind::Text,
+        "",
+        "BLAKE3 hash of the mesh's file, which is beside the store's or the export's specification; `none` \
+         where the sample is no mesh.",
+        mesh,
     )),
 ];
