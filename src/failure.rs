@@ -90,6 +90,7 @@ fn is_bad_input(cause: &(dyn Error + 'static)) -> bool {
             )
         )
         || matches!(cause.downcast_ref(), Some(WorkerError::Url(_)))
+        || matches!(cause.downcast_ref(), Some(ImportError::Mesh { .. }))
         || matches!(
             cause.downcast_ref(),
             Some(

@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 ///
 /// DIR is an export of any layout, or any folder with a manifest and the images that it names. It can
 /// also be a place in a bucket, such as s3://BUCKET/PREFIX. Every row is compared with the
-/// specification, and every image with its row. A store that does not exist is made; materials that
-/// an existing store has are not replaced.
+/// specification, and every image with its row; a mesh is compared with its digest. A store that does
+/// not exist is made; materials that an existing store has are not replaced.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The folder that the manifest's paths are relative to
@@ -42,6 +42,15 @@ pub struct Options {
     threads: u64,
 }
 
+/// The specification that an export in CSV or JSON Lines has beside it, at `path` on this machine. Its
+/// mesh is beside it in a folder; that of a bucket is left to the import.
+fn own_specification(source: &Source, path: &Path) -> anyhow::Result<Specification> {
+    Ok(match source {
+        Source::Folder(_) => Specification::load(path)?,
+        Source::Bucket(_) => Specification::load_without_mesh(path)?,
+    })
+}
+
 /// Imports.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     let source = match place(&options.folder)? {
@@ -61,7 +70,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         (None, Format::Parquet) => {
             read_specification(&manifest).map_err(|error| BadInput(error.to_string()))?
         }
-        (None, _) => Specification::load(&fetch("specification.toml")?)?,
+        (None, _) => own_specification(&source, &fetch("specification.toml")?)?,
     };
     let bar = progress::bar(0, "images imported");
     let imported = import(

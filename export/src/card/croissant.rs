@@ -1,6 +1,6 @@
 //! Croissant 1.1 metadata, JSON-LD: the manifest as a set of records, the files as distribution.
 
-use super::{CITATION, Described, FileDigest, summary};
+use super::{CITATION, Described, FileDigest, sha256, summary};
 use crate::layout::unit::Layout;
 use dataset::{
     RENDERER_VERSION,
@@ -65,7 +65,7 @@ fn distribution(described: &Described<'_>, manifest: &FileDigest) -> Vec<Value> 
             "Labels and images in Parquet shards.",
         ),
     };
-    vec![
+    let mut distribution = vec![
         json!({
             "@type": "cr:FileObject",
             "@id": MANIFEST,
@@ -84,7 +84,25 @@ fn distribution(described: &Described<'_>, manifest: &FileDigest) -> Vec<Value> 
             "encodingFormat": encoding,
             "includes": pattern,
         }),
-    ]
+    ];
+    distribution.extend(mesh(described));
+    distribution
+}
+
+/// The file of the sample's mesh, where that is one. OBJ and PLY have no media type in common.
+fn mesh(described: &Described<'_>) -> Option<Value> {
+    let mesh = described.store.specification().sample.mesh.as_ref()?;
+    let (name, bytes) = (mesh.file_name(), mesh.loaded()?.bytes());
+    Some(json!({
+        "@type": "cr:FileObject",
+        "@id": name,
+        "name": name,
+        "description": "The mesh of the sample, an OBJ or a PLY file.",
+        "contentUrl": name,
+        "contentSize": format!("{} B", bytes.len()),
+        "encodingFormat": "application/octet-stream",
+        "sha256": sha256(bytes),
+    }))
 }
 
 /// What the pixels are: a record an image file, or a row of a shard that holds one.

@@ -136,6 +136,19 @@ fn write_layout(described: &Described<'_>, text: &mut String) -> std::fmt::Resul
              an image, its file in the column `exr` as bytes.\n"
         )?,
     }
+    if let Some(mesh) = &described.store.specification().sample.mesh {
+        writeln!(
+            text,
+            "`{}` is the mesh of the sample, an OBJ or a PLY file whose name is its BLAKE3 digest. \
+             `specification.toml` names it by that digest and can only be read beside it.\n",
+            mesh.file_name()
+        )?;
+    }
+    write_products(described, text)
+}
+
+/// What is made of each image.
+fn write_products(described: &Described<'_>, text: &mut String) -> std::fmt::Result {
     for kind in described.products.kinds().iter().skip(1) {
         let what = match kind.extension {
             "npy" => "the pixels as a NumPy array, height x width x 3",

@@ -6,6 +6,7 @@
 
 mod batch;
 mod images;
+mod mesh;
 mod source;
 
 use crate::manifest::read::{ReadError, read};
@@ -79,6 +80,19 @@ pub enum ImportError {
         /// What is wrong.
         what: String,
     },
+    /// The mesh of the sample is absent, or is not the one that the specification names.
+    #[error(
+        "{}: the mesh of the sample cannot be used: {reason}; put back this file, which every export of \
+         the dataset has, or export the dataset again, or give the specification that it was made with, \
+         beside the mesh (--spec)",
+        path.display()
+    )]
+    Mesh {
+        /// Its file, or where that should be.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A shard cannot be read.
     #[error("{}: {what}", path.display())]
     Shard {
@@ -108,10 +122,11 @@ pub struct Imported {
 
 /// Imports the images that a manifest names, relative to `source`, into the store `name`, which is
 /// made where there is none, with its images in `blobs` if that is given. `progress` is told how
-/// many images are in, of how many.
+/// many images are in, of how many. A mesh that the specification names and has not loaded is that of
+/// `source`.
 ///
 /// # Errors
-/// At the first row or image that is wrong; what came in before stays, and the same call goes on.
+/// Where the mesh is not there or is another, before a store is made. At the first row or image that is wrong; what came in before stays, and the same call goes on.
 pub fn import(
     specification: &Specification,
     manifest: &Path,
@@ -121,6 +136,7 @@ pub fn import(
     threads: usize,
     progress: &dyn Fn(u64, u64),
 ) -> Result<Imported, ImportError> {
+    let specification = &mesh::load(specification, source)?;
     let mut wanted = read_manifest(specification, manifest)?;
     let mut store = WritableStore::open_or_create(name, specification, blobs)?;
     let mut imported = Imported {

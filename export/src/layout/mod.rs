@@ -7,7 +7,8 @@
 //! | Hugging Face | `train/train-00000-of-00007.parquet` with labels and the files' bytes |
 //!
 //! Every layout has `manifest.parquet`, `specification.toml`, a dataset card (`README.md`) with
-//! plots and `croissant.json` beside its folders of splits.
+//! plots and `croissant.json` beside its folders of splits, and `DIGEST.mesh` where the sample is a
+//! mesh: `specification.toml` names it by that digest, and so can be read from the export.
 //!
 //! An export is made of units, shards or folders of one material, that are there whole or not at
 //! all; `export.json` says what the export is to be and goes first, the manifest goes last. So the
@@ -31,7 +32,7 @@ use crate::{
     product::{Factory, Kind, Product, Products},
     selection::{Chosen, ChosenImage, Selection},
 };
-use dataset::CompletedView;
+use dataset::{CompletedView, Specification};
 use datastore::ReadOnlyStore;
 use plan::Plan;
 use std::{
@@ -52,7 +53,7 @@ pub use unit::{Layout, Unit};
 /// Bytes of a shard, about, unless asked for otherwise.
 pub const SHARD_BYTES: u64 = 1_000_000_000;
 
-/// What describes an export; the manifest last.
+/// What describes an export, beside the mesh of its sample, which comes first; the manifest last.
 const DESCRIPTIONS: [&str; 6] = [
     "specification.toml",
     "examples.png",
@@ -114,7 +115,9 @@ pub fn export(
     plan.claim(&place, options.overwrite)?;
     let undone = work.undone(&plan)?;
     if let Place::Folder(folder) = &place {
-        check_room(folder, &undone)?;
+        let mesh = store.specification().sample.loaded_mesh();
+        let mesh_bytes = mesh.map_or(0, |mesh| mesh.bytes().len() as u64);
+        check_room(folder, SPARE_BYTES + mesh_bytes, &undone)?;
     }
     let images: u64 = undone.iter().map(|unit| work.images_of(unit)).sum();
     let there = AtomicU64::new(work.chosen.images() - images);
@@ -253,6 +256,7 @@ impl Work<'_> {
         folder: &Path,
     ) -> Result<Exported, ExportError> {
         let specification = self.store.specification();
+        let mesh = write_mesh(specification, folder)?;
         write_bytes(
             &folder.join("specification.toml"),
             specification.to_toml().as_bytes(),
@@ -287,13 +291,26 @@ impl Work<'_> {
         };
         card::write(&described, folder, &whole)?;
         fs::rename(&whole, &manifest).map_err(unable("rename to", &manifest))?;
-        self.place.take(folder, &DESCRIPTIONS)?;
+        let names = mesh.as_deref().into_iter().chain(DESCRIPTIONS);
+        self.place.take(folder, &names.collect::<Vec<_>>())?;
         Ok(exported)
     }
 }
 
-fn check_room(folder: &Path, undone: &[&Unit]) -> Result<(), ExportError> {
-    let needed_bytes = SPARE_BYTES + undone.iter().map(|unit| unit.bytes_max).sum::<u64>();
+/// Writes the mesh of the sample, where that is one, and returns the name of its file. The
+/// specification follows: whatever names the mesh finds it.
+fn write_mesh(specification: &Specification, folder: &Path) -> Result<Option<String>, ExportError> {
+    let named = specification.sample.mesh.as_ref();
+    let Some((mesh, loaded)) = named.and_then(|mesh| Some((mesh, mesh.loaded()?))) else {
+        return Ok(None);
+    };
+    let name = mesh.file_name();
+    write_bytes(&folder.join(&name), loaded.bytes())?;
+    Ok(Some(name))
+}
+
+fn check_room(folder: &Path, spare_bytes: u64, undone: &[&Unit]) -> Result<(), ExportError> {
+    let needed_bytes = spare_bytes + undone.iter().map(|unit| unit.bytes_max).sum::<u64>();
     let room = rustix::fs::statvfs(folder)
         .map_err(|error| unable("ask for room on the disk of", folder)(error.into()))?;
     let free_bytes = room.f_bavail.saturating_mul(room.f_frsize);
@@ -327,8 +344,8 @@ mod tests {
             bytes_max,
         };
         let (small, huge) = (unit(1), unit(1 << 60));
-        check_room(folder.path(), &[&small, &small]).unwrap();
-        let refused = check_room(folder.path(), &[&small, &huge]).unwrap_err();
+        check_room(folder.path(), SPARE_BYTES, &[&small, &small]).unwrap();
+        let refused = check_room(folder.path(), SPARE_BYTES, &[&small, &huge]).unwrap_err();
         assert!(matches!(
             refused,
             ExportError::DiskFull { needed_bytes, free_bytes, .. }

@@ -8,7 +8,7 @@ use super::{
 use crate::error::ExportError;
 use crate::file::unable;
 use crate::plan_difference::difference;
-use dataset::{Digest, Split};
+use dataset::{Digest, Split, specification::SampleMesh};
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::fs;
@@ -158,6 +158,8 @@ fn remove(folder: &Path) -> Result<(), ExportError> {
         match stem {
             PLAN_FILE | LOST_AND_FOUND => {}
             _ if splits.contains(&stem) || DESCRIPTIONS.contains(&stem) => parts.push(entry),
+            // Perhaps another mesh than the one that is exported now.
+            _ if SampleMesh::of_file_name(stem).is_some() => parts.push(entry),
             _ => {
                 return Err(ExportError::Occupied {
                     folder: folder.to_owned(),

@@ -10,5 +10,8 @@ mod complete_store;
 mod earlier;
 mod layouts;
 mod manifest;
+#[path = "../../../datastore/tests/store/mesh_specification.rs"]
+mod mesh_specification;
+mod meshes;
 mod rectify;
 mod round_trip;
