@@ -54,12 +54,13 @@ impl Store {
         let kept = match read_specification(path) {
             Err(StoreError::Absent(_)) => {
                 create(path, specification, bucket)?;
-                specification.clone()
+                mesh_file::load(path, specification.clone())?
             }
             kept => {
                 let kept = kept?;
                 check_bucket(path, bucket)?;
-                grow(path, kept, specification)?
+                let kept = grow(path, kept, specification)?;
+                mesh_file::load_or_restore(path, kept, specification)?
             }
         };
         Self::open_locked(path, kept, specification.materials, lock)
@@ -70,7 +71,7 @@ impl Store {
         // Before the lock, which would leave a file behind where there is no store.
         read_specification(path)?;
         let lock = acquire(path)?;
-        let kept = read_specification(path)?;
+        let kept = mesh_file::load(path, read_specification(path)?)?;
         let materials = kept.materials;
         Self::open_locked(path, kept, materials, lock)
     }
@@ -81,7 +82,6 @@ impl Store {
         materials_asked: u32,
         lock: File,
     ) -> Result<Self, StoreError> {
-        let specification = mesh_file::load(path, specification)?;
         let (blobs, place) = open_blobs(path)?;
         if let Some(place) = place
             && blobs.claim(&place.owner)? == Claimed::Others

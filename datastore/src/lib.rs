@@ -132,7 +132,7 @@ pub enum StoreError {
     /// The mesh of its sample is missing or damaged.
     #[error(
         "{reason}; put back the file {file_name}, the mesh that the dataset was made with: its BLAKE3 \
-         digest is its name"
+         digest is its name; or give the specification again, beside its mesh: `brdfarm run --spec FILE`"
     )]
     Mesh {
         /// What its file is called.

@@ -26,6 +26,31 @@ pub(super) async fn keep(
 }
 
 impl Database {
+    /// Keeps a mesh in place of what there is of it, in a database that is about this specification.
+    /// Whoever calls knows that what there is is missing or damaged.
+    pub async fn restore_mesh(
+        &self,
+        mesh: MeshBytes<'_>,
+        specification_hash: &[u8],
+    ) -> Result<(), DatabaseError> {
+        let restored = async {
+            let mut connection = self.connection().await?;
+            let transaction = connection.transaction().await?;
+            execute(&transaction, include_str!("sql/lock_exclusive.sql"), &[]).await?;
+            let digest = mesh.digest.as_slice();
+            execute(
+                &transaction,
+                include_str!("sql/forget_mesh.sql"),
+                &[&digest],
+            )
+            .await?;
+            keep(&transaction, mesh, specification_hash).await?;
+            transaction.commit().await?;
+            Ok(())
+        };
+        restored.await.map_err(|fault| self.away(fault))
+    }
+
     /// The bytes of the mesh of this digest, none where nothing is kept of it. Whoever asks compares
     /// them with the digest.
     ///

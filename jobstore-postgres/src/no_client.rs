@@ -56,6 +56,11 @@ impl Database {
         match self.0 {}
     }
 
+    /// Keeps a mesh again.
+    pub async fn restore_mesh(&self, _: MeshBytes<'_>, _: &[u8]) -> Result<(), DatabaseError> {
+        match self.0 {}
+    }
+
     /// The bytes of a mesh.
     pub async fn mesh(&self, _: &[u8], _: u64) -> Result<Option<Vec<u8>>, DatabaseError> {
         match self.0 {}

@@ -44,3 +44,22 @@ pub(super) async fn load(
     let loaded = specification.with_mesh(bytes);
     loaded.map_err(|error| refused(format!("cannot be used ({error})")))
 }
+
+/// Loads the mesh as [`load`] does. Where the database has lost it, it gets that of the specification that
+/// was given, which is of the same hash and so names the same one.
+pub(super) async fn load_or_restore(
+    database: &Database,
+    specification: Specification,
+    given: &Specification,
+) -> Result<Specification, SharedStoreError> {
+    match load(database, specification.clone()).await {
+        Err(SharedStoreError::Mesh { .. }) if given.sample.loaded_mesh().is_some() => {
+            if let Some(mesh) = bytes(given)? {
+                let hash = specification.hash();
+                database.restore_mesh(mesh, hash.as_bytes()).await?;
+            }
+            load(database, specification).await
+        }
+        loaded => loaded,
+    }
+}

@@ -88,8 +88,8 @@ pub enum SharedStoreError {
     /// The mesh of its sample is missing or damaged.
     #[error(
         "the mesh of the dataset in {name} {reason}: restore the table meshes from a backup of the \
-         database; it has the bytes of the file {digest}.mesh, which every export of the dataset has \
-         beside specification.toml"
+         database, or give the specification again, beside its mesh ({digest}.mesh, which every export \
+         of the dataset has beside specification.toml): `brdfarm run --spec FILE`"
     )]
     Mesh {
         /// The database.
@@ -165,7 +165,7 @@ impl SharedStore {
         let database = Database::new(url)?;
         let given = blobs.map(BlobsPlace::made).transpose()?;
         // What is read after the writing decides: somebody else may write at the same time.
-        let (specification, place) = loop {
+        let (kept, place) = loop {
             let kept = database.open().await?;
             let (wanted, place) = match &kept {
                 Some(kept) => check(database.name(), kept, specification, given.clone())?,
@@ -190,8 +190,8 @@ impl SharedStore {
             };
             database.make(&identity, mesh, wanted.materials).await?;
         };
-        let specification = kept_mesh::load(&database, specification).await?;
-        Self::in_place(database, specification, place).await
+        let loaded = kept_mesh::load_or_restore(&database, kept, specification).await?;
+        Self::in_place(database, loaded, place).await
     }
 
     /// Opens the store that is there.

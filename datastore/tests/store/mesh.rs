@@ -23,11 +23,16 @@ fn bytes(specification: &Specification) -> &[u8] {
     specification.sample.loaded_mesh().unwrap().bytes()
 }
 
+/// The same without the mesh, as who asks for more has it.
+fn named(specification: &Specification) -> Specification {
+    Specification::from_json(&specification.to_json()).unwrap()
+}
+
 /// What opening a store says, in each of the ways to do that.
 fn refusals(store: &Path, specification: &Specification) -> Vec<String> {
     let errors = [
         Store::open(store).err(),
-        Store::open_or_create(store, specification).err(),
+        Store::open_or_create(store, &named(specification)).err(),
         Store::kept_specification(store).err(),
         ReadOnlyStore::open(store).err(),
         WritableStore::open(store).err(),
@@ -45,7 +50,7 @@ fn a_store_gives_its_mesh_back() {
     assert_eq!(fs::read(&path).unwrap(), bytes(&specification));
 
     // Whoever asks for more need not have the mesh.
-    let mut named = Specification::from_json(&specification.to_json()).unwrap();
+    let mut named = named(&specification);
     named.materials = 5;
     let grown = Store::open_or_create(folder.path(), &named).unwrap();
     assert_eq!(grown.specification().materials, 5);
@@ -79,8 +84,9 @@ fn a_missing_or_damaged_mesh_is_named_and_can_be_put_back() {
     let expect = |part: &str| {
         for error in refusals(folder.path(), &specification) {
             assert!(error.contains(part), "{error}");
-            let remedy = format!("put back the file {digest}.mesh");
-            assert!(error.contains(&remedy), "{error}");
+            for remedy in [&*format!("put back the file {digest}.mesh"), "run --spec"] {
+                assert!(error.contains(remedy), "{error}");
+            }
             assert_eq!(error.lines().count(), 1, "{error}");
         }
     };
@@ -99,6 +105,32 @@ fn a_missing_or_damaged_mesh_is_named_and_can_be_put_back() {
     expect("bytes: simplify");
     fs::write(&path, whole).unwrap();
     Store::open(folder.path()).unwrap();
+}
+
+#[test]
+fn who_gives_the_mesh_again_heals_the_store() {
+    let folder = tempfile::tempdir().unwrap();
+    let specification = mesh_specification(2, 1.0);
+    make_store(folder.path(), &specification, 0..2);
+    let path = mesh_path(folder.path(), &specification);
+    let whole = fs::read(&path).unwrap();
+    for damage in [None, Some(&whole[1..]), Some(b"f 1 2 3\n".as_slice())] {
+        match damage {
+            None => fs::remove_file(&path).unwrap(),
+            Some(bytes) => fs::write(&path, bytes).unwrap(),
+        }
+        // Another dataset's mesh is none of this one's.
+        let other = Store::open_or_create(folder.path(), &mesh_specification(2, 2.0));
+        let other = other.err().unwrap();
+        assert!(matches!(other, StoreError::Specification { .. }), "{other}");
+        let healed = Store::open_or_create(folder.path(), &specification).unwrap();
+        assert_eq!(bytes(healed.specification()), whole);
+        drop(healed);
+        assert_eq!(fs::read(&path).unwrap(), whole);
+        let store = ReadOnlyStore::open(folder.path()).unwrap();
+        let report = verify(&store, &checks(2, None), &|_| ()).unwrap();
+        assert_eq!((report.faults, report.images_sound), (vec![], 6));
+    }
 }
 
 #[test]
@@ -124,7 +156,7 @@ fn another_mesh_is_another_dataset() {
 fn a_store_cannot_be_made_for_a_mesh_that_nobody_gave() {
     let folder = tempfile::tempdir().unwrap();
     let specification = mesh_specification(2, 1.0);
-    let named = Specification::from_json(&specification.to_json()).unwrap();
+    let named = named(&specification);
     let error = Store::open_or_create(folder.path(), &named).err().unwrap();
     assert!(matches!(error, StoreError::MeshNotLoaded(_)), "{error}");
     assert!(matches!(
@@ -175,7 +207,7 @@ async fn a_shared_store_gives_its_mesh_back() {
     let images = tempfile::tempdir().unwrap();
     let place = BlobsPlace::Folder(images.path().to_owned());
     let specification = mesh_specification(2, 1.0);
-    let mut named = Specification::from_json(&specification.to_json()).unwrap();
+    let mut named = named(&specification);
     let error = SharedStore::open_or_create(&url, &named, Some(&place)).await;
     let error = error.err().unwrap();
     assert!(
@@ -231,7 +263,7 @@ async fn a_missing_or_damaged_mesh_of_a_shared_store_is_named() {
         run(&url, damage).await;
         let errors = [
             SharedStore::open(&url).await.err(),
-            SharedStore::open_or_create(&url, &specification, None)
+            SharedStore::open_or_create(&url, &named(&specification), None)
                 .await
                 .err(),
             SharedStore::kept_specification(&url).await.err(),
@@ -245,5 +277,13 @@ async fn a_missing_or_damaged_mesh_of_a_shared_store_is_named() {
                 "{told}"
             );
         }
+        // Who gives the mesh again heals the store.
+        let healed = SharedStore::open_or_create(&url, &specification, None).await;
+        assert_eq!(
+            bytes(healed.unwrap().specification()),
+            bytes(&specification)
+        );
+        let opened = SharedStore::open(&url).await.unwrap();
+        assert_eq!(bytes(opened.specification()), bytes(&specification));
     }
 }

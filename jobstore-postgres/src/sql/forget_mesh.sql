@@ -1,0 +1,1 @@
+DELETE FROM meshes WHERE digest = $1
