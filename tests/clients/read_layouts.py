@@ -2,9 +2,12 @@
 
     read_layouts.py STORE MANIFESTS FILES WEBDATASET HUGGINGFACE
 
-MANIFESTS is a folder with manifest.parquet, .csv and .jsonl; the others are exports with --npy,
---png and --rectified. Prints what it found; any disagreement with the store ends it with an error.
+MANIFESTS is a folder with manifest.parquet, .csv and .jsonl; the others are exports with --npy and
+--png, and with --rectified where the sample is a square. Prints what it found; any disagreement with
+the store ends it with an error.
 """
+
+import hashlib
 
 import io
 import json
@@ -12,6 +15,7 @@ import logging
 import os
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 os.environ["HF_HUB_OFFLINE"] = "1"
@@ -53,11 +57,13 @@ class Reference:
         self.rows = {}
         self.pixels = {}
         self.files = {}
+        self.is_square = True
         for row in pyarrow.parquet.read_table(manifest).to_pylist():
             key = row["material"], row["view"]
             path = store / row.pop("path")
             self.rows[key] = row
             self.files[key] = path.read_bytes()
+            self.is_square = row["sample_shape"] == "square"
             self.pixels[key] = read_exr(path)
 
     def check_row(self, row, who):
@@ -124,6 +130,8 @@ def check_files(reference, folder):
         assert preview.text["exposure_stops"] == "0", preview.text
         npy = np.load(path.with_suffix(".npy"), mmap_mode="r")
         reference.check_image(key, path.read_bytes(), npy, preview, "files")
+        if not reference.is_square:
+            continue
         rectified = read_exr(path.with_suffix(".rectified.exr"))
         assert np.array_equal(rectified, np.load(path.with_suffix(".rectified.npy")))
         assert rectified.shape == (16, 16, 3) and np.isfinite(rectified).all()
@@ -212,7 +220,8 @@ def check_webdataset(reference, folder):
                     sample[f"{name}.png"],
                     "webdataset",
                 )
-                assert sample[f"{name}.rectified.npy"].shape == (16, 16, 3)
+                if reference.is_square:
+                    assert sample[f"{name}.rectified.npy"].shape == (16, 16, 3)
                 found += 1
     assert found == len(reference.rows), f"webdataset: {found} images"
 
@@ -233,7 +242,8 @@ def check_huggingface(reference, folder):
                 row["preview"],
                 "datasets",
             )
-            assert read_npy(row["rectified_npy"]).shape == (16, 16, 3)
+            if reference.is_square:
+                assert read_npy(row["rectified_npy"]).shape == (16, 16, 3)
             found += 1
     assert found == len(reference.rows), f"datasets: {found} images"
 
@@ -261,15 +271,38 @@ def check_croissant(reference, folder):
     assert pixels["arrayShape"] == f"{height},{width},3", pixels
 
 
+def check_mesh(reference, folder):
+    """The mesh of the sample, as rows, specification and Croissant name it; it is an OBJ file here. A
+    sample that is no mesh has none."""
+    row = next(iter(reference.rows.values()))
+    meshes = sorted(path.name for path in folder.glob("*.mesh"))
+    specification = tomllib.loads((folder / "specification.toml").read_text())
+    if row["sample_shape"] != "mesh":
+        assert (meshes, row["sample_triangles"], row["sample_mesh"]) == ([], 0, "none"), meshes
+        assert "mesh" not in specification["sample"]
+        return
+    name = f"{row['sample_mesh']}.mesh"
+    assert meshes == [name] and specification["sample"]["mesh"] == row["sample_mesh"], meshes
+    content = (folder / name).read_bytes()
+    corners = [len(line.split()) - 1 for line in content.decode().splitlines() if line.startswith("f ")]
+    assert row["sample_triangles"] == sum(count - 2 for count in corners) > 0, row["sample_triangles"]
+    described = json.loads((folder / "croissant.json").read_text())["distribution"]
+    file = next(one for one in described if one["@id"] == name)
+    assert file["sha256"] == hashlib.sha256(content).hexdigest()
+    assert file["contentSize"] == f"{len(content)} B"
+
+
 def main(store, manifests, files, webdataset_folder, huggingface):
     reference = Reference(store, manifests / "manifest.parquet")
     check_tables(reference, manifests)
     images = check_files(reference, files)
-    check_brightness(files)
+    if reference.is_square:
+        check_brightness(files)
     check_webdataset(reference, webdataset_folder)
     check_huggingface(reference, huggingface)
     for folder in (files, webdataset_folder, huggingface):
         check_croissant(reference, folder)
+        check_mesh(reference, folder)
     print(f"{images} images in three layouts")
 
 

@@ -12,6 +12,7 @@ mod curved;
 #[path = "../folder/mod.rs"]
 mod folder;
 mod killed;
+mod meshes;
 #[path = "../readers/mod.rs"]
 mod readers;
 mod rectified;

@@ -380,3 +380,50 @@ fn a_url_is_of_no_use_when_its_time_is_over() {
     harness.kill_coordinator();
     harness.expect_undisturbed();
 }
+
+/// A store in a bucket and an export in a bucket have the mesh of their sample, and an import finds it.
+#[test]
+fn a_mesh_goes_into_a_bucket_and_comes_back() {
+    let (harness, server) = farm(2, 16);
+    let mesh = "v -1 -1 0\nv 0 -1 1\nv 1 -1 0\nv -1 1 0\nv 0 1 1\nv 1 1 0\nf 1 2 5 4\nf 2 3 6 5\n";
+    let name = format!("{}.mesh", dataset::Digest::of(mesh.as_bytes()));
+    fs::write(harness.path().join("tent.obj"), mesh).expect("written");
+    let specification = "materials = 2\n[image]\nwidth = 16\nheight = 16\n[accuracy]\nabsolute = 0.02\n\
+                         relative = 0.2\n[sample]\nshape = \"mesh\"\nmesh = \"tent.obj\"\n[[views]]\n";
+    fs::write(harness.path().join("spec.toml"), specification).expect("written");
+    harness.succeed("run --spec spec.toml --store farm --backend native --blobs s3://farm/a/set");
+    let url = "s3://farm/exports/tent";
+    harness.succeed(&format!(
+        "dataset export {url} --store farm --layout webdataset"
+    ));
+    let object = harness.path().join("s3/farm/exports/tent").join(&name);
+    assert!(server.objects("exports/tent").contains(&object));
+    assert_eq!(fs::read(&object).expect("the mesh"), mesh.as_bytes());
+    harness.succeed("dataset manifest export --store farm --format csv --out manifest.csv");
+
+    let manifests = ["", "--manifest manifest.csv"];
+    for damage in [None, Some("v 0 0 0")] {
+        match damage {
+            None => fs::remove_file(&object).expect("removed"),
+            Some(bytes) => fs::write(&object, bytes).expect("written"),
+        }
+        for manifest in manifests {
+            let output = harness.run(&format!("dataset import {url} --store back {manifest}"));
+            let said = String::from_utf8_lossy(&output.stderr).into_owned();
+            assert!(!output.status.success());
+            let place = format!("{url}/{name}");
+            assert!(said.contains(&place) && said.contains("put back"), "{said}");
+            assert!(!harness.path().join("back").exists());
+        }
+    }
+    // The same export again brings it back.
+    harness.succeed(&format!(
+        "dataset export {url} --store farm --layout webdataset"
+    ));
+    harness.succeed(&format!("dataset import {url} --store back"));
+    harness.succeed("dataset verify --store back --rerender 100%");
+    assert_eq!(
+        fs::read(harness.path().join("back").join(name)).expect("the mesh"),
+        mesh.as_bytes()
+    );
+}
