@@ -6,7 +6,7 @@ use crate::{
 };
 use dataset::SpecificationError;
 use export::manifest::read::{ReadError, read_specification};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyBytes};
 use std::path::PathBuf;
 
 /// A checked specification.
@@ -35,10 +35,33 @@ impl Specification {
         read.map(Self).map_err(invalid)
     }
 
+    /// What `to_json` wrote, with the mesh of `like` if it names the same one.
     #[staticmethod]
-    fn from_json(text: &str) -> PyResult<Self> {
-        let read = dataset::Specification::from_json(text);
-        read.map(Self).map_err(invalid)
+    #[pyo3(signature = (text, like = None))]
+    fn from_json(text: &str, like: Option<&Self>) -> PyResult<Self> {
+        let read = dataset::Specification::from_json(text).map_err(invalid)?;
+        Ok(Self(match like {
+            Some(like) => read.with_mesh_of(&like.0),
+            None => read,
+        }))
+    }
+
+    /// What the file of its mesh is called, if it names one.
+    fn mesh_name(&self) -> Option<String> {
+        let mesh = self.0.sample.mesh.as_ref();
+        mesh.map(dataset::specification::SampleMesh::file_name)
+    }
+
+    /// The bytes of that file, if the mesh is loaded.
+    fn mesh<'py>(&self, python: Python<'py>) -> Option<Bound<'py, PyBytes>> {
+        let loaded = self.0.sample.loaded_mesh()?;
+        Some(PyBytes::new(python, loaded.bytes()))
+    }
+
+    /// The same with its mesh loaded from the bytes of its file.
+    fn with_mesh(&self, bytes: Vec<u8>) -> PyResult<Self> {
+        let loaded = self.0.clone().with_mesh(bytes);
+        loaded.map(Self).map_err(invalid)
     }
 
     fn to_toml(&self) -> String {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import tempfile
@@ -210,7 +211,13 @@ class _Manifest:
         with tempfile.TemporaryDirectory(prefix="brdfarm-") as folder:
             copy = Path(folder) / "manifest.parquet"
             copy.write_bytes(self.bytes_of(path))
-            return Specification._of(_native.manifest_specification(str(copy)))
+            native = _native.manifest_specification(str(copy))
+        # An export has the mesh beside the manifest; a manifest alone tells labels all the same.
+        mesh = native.mesh_name()
+        if mesh is not None:
+            with contextlib.suppress(FileNotFoundError):
+                native = native.with_mesh(self.bytes_of(f"{path.rpartition('/')[0]}/{mesh}"))
+        return Specification._of(native)
 
     def file(self, material: int, view: int) -> tuple[bytes, str]:
         if self.places is None:

@@ -82,6 +82,9 @@ def run(
         if specification is not None:
             file = Path(folder) / "specification.toml"
             file.write_text(specification.to_toml())
+            name, mesh = specification._inner.mesh_name(), specification._inner.mesh()
+            if name is not None and mesh is not None:
+                (Path(folder) / name).write_bytes(mesh)
             arguments += ["--spec", str(file)]
         code, said = _execute(arguments, _shown(progress))
     if code != 0:

@@ -60,7 +60,7 @@ class Specification:
             text = json.dumps(fields, default=_plain, allow_nan=False)
         except ValueError:
             raise ValueError("a number of a specification has to be finite") from None
-        return self._of(_native.Specification.from_json(text))
+        return self._of(_native.Specification.from_json(text, self._inner))
 
     def to_dict(self) -> dict[str, Any]:
         """All fields, as the TOML file has them."""
@@ -129,11 +129,12 @@ class Specification:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _from_json, (self._inner.to_json(),)
+        return _from_json, (self._inner.to_json(), self._inner.mesh())
 
 
-def _from_json(text: str) -> Specification:
-    return Specification._of(_native.Specification.from_json(text))
+def _from_json(text: str, mesh: bytes | None = None) -> Specification:
+    native = _native.Specification.from_json(text)
+    return Specification._of(native if mesh is None else native.with_mesh(mesh))
 
 
 def _plain(value: Any) -> Any:

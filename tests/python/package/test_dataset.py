@@ -140,3 +140,30 @@ def test_other_processes_read(store, method):
     with multiprocessing.get_context(method).Pool(2) as pool:
         assert pool.starmap(_digest, [(data, key) for key in keys]) == expected
     assert pickle.loads(pickle.dumps(data))[1, 1].digest == expected[1]
+
+
+def test_a_mesh_comes_along(command, tmp_path):
+    (tmp_path / "tent.obj").write_text(
+        "v -1 -1 0\nv 0 -1 1\nv 1 -1 0\nv -1 1 0\nv 0 1 1\nv 1 1 0\nf 1 2 5 4\nf 2 3 6 5\n"
+    )
+    (tmp_path / "tent.toml").write_text(
+        "materials = 1\n[image]\nwidth = 12\nheight = 12\n[accuracy]\nabsolute = 0.02\nrelative = 0.2\n"
+        '[sample]\nshape = "mesh"\nmesh = "tent.obj"\n[[views]]\n'
+    )
+    loaded = brdfarm.Specification.load(tmp_path / "tent.toml")
+    # Neither a change nor the way to another process loses it.
+    spec = pickle.loads(pickle.dumps(loaded.replace(name="tents")))
+    data = brdfarm.run(spec, tmp_path / "tents")
+    digest = data[0, 0].digest
+    command("dataset", "export", "out", "--store", tmp_path / "tents", "--layout", "files")
+    export = brdfarm.Dataset(tmp_path / "out")
+    assert export.table["sample_triangles"].to_pylist() == [4]
+    assert brdfarm.render(export.specification, spec.material(0), 0).digest == digest
+    # Labels and images are there without it; who renders is told.
+    (mesh,) = (tmp_path / "out").glob("*.mesh")
+    mesh.unlink()
+    bare = brdfarm.Dataset(tmp_path / "out")
+    assert bare.specification == spec and bare[0, 0].digest == digest
+    other = bare.specification.replace(image=dict(width=13))
+    with pytest.raises((ValueError, RuntimeError), match="mesh"):
+        brdfarm.render(other, spec.material(0), 0)
