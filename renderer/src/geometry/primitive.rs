@@ -87,6 +87,14 @@ impl Rectangle {
         [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[u, v]| self.point(u, v))
     }
 
+    /// From a point to the nearest of the rectangle.
+    pub fn distance(&self, from: Vec3) -> f64 {
+        let offset = from - self.corner;
+        let along_u = offset.dot(self.u_axis).clamp(0.0, self.u_length);
+        let along_v = offset.dot(self.v_axis).clamp(0.0, self.v_length);
+        (offset - self.u_axis * along_u - self.v_axis * along_v).length()
+    }
+
     /// The density at `direction` (unit) of the directions from `origin` to points that are evenly
     /// spread over the rectangle, a steradian. For a direction that misses it, the density about a
     /// larger one.

@@ -1,6 +1,8 @@
 //! How paths go on from a surface to the one that it faces.
 
 use super::glint::Window;
+use super::hidden_chart;
+use super::reach::Unmet;
 use super::visible_part::VisiblePart;
 use crate::bsdf::Bsdf;
 use crate::geometry::{Rectangle, Sphere};
@@ -26,6 +28,10 @@ pub struct Continuation<'a> {
     /// The share of paths that are aimed at the other surface. The others follow the surface's own
     /// density.
     aimed: f64,
+    /// The viewer, in the frame of the surface.
+    wo: Vec3,
+    /// What the surface faces.
+    facing: Facing<'a>,
 }
 
 /// What directions are aimed at.
@@ -62,7 +68,18 @@ impl<'a> Continuation<'a> {
                 Some(at_rectangle(surface, bsdf, rectangle, wo, bounce)?)
             }
             Facing::Itself(chart) => {
-                chart.and_then(|chart| at_rectangle(surface, bsdf, chart, wo, bounce))
+                let aim = chart.and_then(|chart| at_rectangle(surface, bsdf, chart, wo, bounce));
+                match (aim, bsdf, chart) {
+                    // Directions to all of the chart weigh little, whatever hides it, and a window may
+                    // leave some of it out.
+                    (Some(Aim::Window(_)), Bsdf::Material(reflectance), Some(chart))
+                        if hidden_chart::peak_share(surface, &reflectance.lobe, chart, wo)
+                            < AIMED =>
+                    {
+                        Some(Aim::Area(chart, None))
+                    }
+                    (aim, ..) => aim,
+                }
             }
         };
         let aimed = match (&target, bounce) {
@@ -75,19 +92,50 @@ impl<'a> Continuation<'a> {
             bsdf,
             target,
             aimed,
+            wo,
+            facing,
         })
     }
 
-    /// At most the negative logarithm of the lobe where it is largest on the other surface, over
-    /// its peak: 0 for a surface that sends light everywhere, and where it is not known.
-    pub fn log_lobe(&self) -> f64 {
+    /// At most what paths carry to the chart that have not met it.
+    pub fn unmet(&self) -> Unmet {
+        if !matches!(self.facing, Facing::Itself(_)) {
+            // The chart before a smooth surface is hidden nowhere: what is not met is far out in the lobe.
+            return Unmet {
+                share: f64::INFINITY,
+                weight: self.lobe_max(),
+            };
+        }
+        if self.target.is_none() || self.wo.z <= 0.0 {
+            return Unmet::NOTHING;
+        }
+        // No weight of a surface's own density exceeds 1.
+        let of_all = 1.0 / (1.0 - self.aimed);
+        let (Bsdf::Material(reflectance), Facing::Itself(Some(chart))) = (self.bsdf, self.facing)
+        else {
+            return Unmet::unknown(of_all);
+        };
+        let part = match &self.target {
+            Some(Aim::Area(_, part)) => *part,
+            _ => None,
+        };
+        let share = hidden_chart::share_max(self.surface, reflectance, chart, part, self.wo);
+        let weight = match &self.target {
+            Some(Aim::Area(..)) => of_all.min(share / self.aimed),
+            _ => of_all,
+        };
+        Unmet { share, weight }
+    }
+
+    /// The lobe where it is largest on the chart, over its peak; 1 where that is not known.
+    fn lobe_max(&self) -> f64 {
         match (self.bsdf, &self.target) {
             (Bsdf::Material(reflectance), Some(Aim::Window(window)))
                 if reflectance.specular_share == 1.0 =>
             {
-                window.log_lobe()
+                libm::exp(-window.log_lobe())
             }
-            _ => 0.0,
+            _ => 1.0,
         }
     }
 
@@ -162,17 +210,114 @@ fn at_rectangle<'a>(
     };
     let window = match bsdf {
         Bsdf::Material(reflectance) if bounce == 0 && is_above => {
-            let sides = [
-                surface
-                    .frame
-                    .to_local(rectangle.u_axis * rectangle.u_length),
-                surface
-                    .frame
-                    .to_local(rectangle.v_axis * rectangle.v_length),
-            ];
-            Window::new(&reflectance.lobe, wo, from_here(rectangle.corner), sides)
+            let (corner, sides) = in_frame(surface, rectangle);
+            Window::new(&reflectance.lobe, wo, corner, sides)
         }
         _ => None,
     };
     Some(window.map_or(Aim::Area(rectangle, part), Aim::Window))
+}
+
+/// A corner of a rectangle as seen from a surface, and the sides from there, in the frame of the surface.
+fn in_frame(surface: &Surface, rectangle: &Rectangle) -> (Vec3, [Vec3; 2]) {
+    let sides = [
+        rectangle.u_axis * rectangle.u_length,
+        rectangle.v_axis * rectangle.v_length,
+    ];
+    let corner = rectangle.corner - surface.position;
+    let sides = sides.map(|side| surface.frame.to_local(side));
+    (surface.frame.to_local(corner), sides)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::path::facets::tests::plate;
+    use crate::reflectance::Reflectance;
+    use crate::scene::{Encounter, Scene};
+    use dataset::{
+        Material, Specification,
+        specification::{Shape, Tint},
+    };
+    use proptest::prelude::*;
+
+    /// Whether a ray meets a rectangle, were nothing before it.
+    fn meets(rectangle: &Rectangle, origin: Vec3, direction: Vec3) -> bool {
+        let height = rectangle.normal.dot(origin - rectangle.corner);
+        let distance = -height / rectangle.normal.dot(direction);
+        let at = origin + direction * distance - rectangle.corner;
+        distance > 0.0
+            && (0.0..rectangle.u_length).contains(&at.dot(rectangle.u_axis))
+            && (0.0..rectangle.v_length).contains(&at.dot(rectangle.v_axis))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(400))]
+
+        /// No path from a mesh to the chart weighs more than is said of those that may not have met it,
+        /// whatever the normal, the lobe and the chart.
+        #[test]
+        fn no_path_to_a_hidden_chart_weighs_more_than_is_said(
+            heights in prop::collection::vec(-1.0..1.0f64, 9),
+            bumpiness in 0.0..2.0f64,
+            (roughness, anisotropy, angle_deg) in (0.0..100.0f64, 0.0..1.0f64, 0.0..180.0f64),
+            (view, side_m) in (0usize..14, 0.02..0.3f64),
+            (pitch_m, tilt_deg, gap_m) in (0.005..0.3f64, 0.0..90.0f64, 0.001..0.3f64),
+            (x, y) in (0.0..8.0f64, 0.0..8.0f64),
+            points in prop::collection::vec(prop::array::uniform2(1e-6..1.0f64), 200),
+        ) {
+            let heights: Vec<f64> = heights.iter().map(|height| height * bumpiness).collect();
+            let mut specification = Specification::preset();
+            specification.sample.shape = Shape::Mesh;
+            specification.sample.side_m = side_m;
+            specification.sample.mesh = Some(plate(2, &heights, false, 2));
+            specification.views[view].checker = true;
+            specification.checker.pitch_m = pitch_m;
+            specification.checker.tilt_deg = tilt_deg;
+            specification.checker.lower_edge_y_m = 0.5 * side_m + gap_m;
+            (specification.image.width, specification.image.height) = (8, 8);
+            let scene = Scene::new(&specification, view, BackendChoice::Native);
+            let scene = scene.expect("a view").expect("a scene");
+            let ray = scene.camera.ray(x, y);
+            let Some(Encounter::Surface(surface)) = scene.encounter(&ray, None) else {
+                return Ok(());
+            };
+            if surface.on_triangle.is_none() {
+                return Ok(());
+            }
+            let material = Material {
+                roughness,
+                anisotropy,
+                angle_deg,
+                ior: 10.0,
+                rgb0: [1.0; 3],
+                rgb90: [1.0; 3],
+            };
+            let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+            let bsdf = Bsdf::Material(&reflectance);
+            let wo = surface.frame.to_local(-ray.direction);
+            let facing = scene.facing(surface.thing).expect("a mesh faces itself");
+            let continuation = Continuation::new(&surface, &bsdf, facing, wo, 0).expect("a mesh");
+            let unmet = continuation.unmet();
+            let chart = scene.chart_rectangle().expect("a chart");
+            let heights = chart.corners().map(|corner| {
+                surface.frame.to_local(corner - surface.position).z
+            });
+            let visible = VisiblePart::new(heights).map_or(0.0, |part| part.area());
+            for point in points {
+                let Some((wi, weight)) = continuation.sample(wo, point) else {
+                    continue;
+                };
+                let direction = surface.frame.to_world(wi);
+                if meets(chart, surface.position, direction) && chart.normal.dot(direction) < 0.0 {
+                    let weight = weight.into_iter().fold(0.0, f64::max);
+                    prop_assert!(weight <= unmet.weight * 1.01, "{weight} exceeds {unmet:?}");
+                    let value = bsdf.evaluate(wi, wo).into_iter().fold(0.0, f64::max) * wi.z;
+                    let share = visible * value / chart.density(surface.position, direction);
+                    prop_assert!(share <= unmet.share * 1.01, "{share} exceeds {unmet:?}");
+                }
+            }
+        }
+    }
 }

@@ -21,6 +21,7 @@ mod facets;
 mod footprint;
 mod glint;
 mod grazing;
+mod hidden_chart;
 mod highlight;
 mod interval;
 mod reach;
@@ -43,7 +44,6 @@ use counts::Counts;
 use dataset::Specification;
 use facets::Facets;
 use footprint::{Area, Outline};
-use interval::UNSEEN;
 use reach::Reach;
 use trace::Picture;
 use worked_out::WorkedOut;
@@ -208,7 +208,7 @@ impl<'a> Tracer<'a> {
             outlines,
             inside_bulb,
             highlight,
-            facets: Facets::new(scene),
+            facets: Facets::new(scene, reflectance),
             chart_max,
             worked_out: None,
         }
@@ -249,20 +249,6 @@ impl<'a> Tracer<'a> {
         Footprint {
             parts: self.outlines.iter().filter_map(part).collect(),
         }
-    }
-
-    /// At most what a pixel is off by because no path met a fold of a mesh: what `paths` paths do not meet
-    /// fills less than three nths of it at 95 percent, and is brighter than the brightest that they met by no
-    /// more than its bound.
-    fn unmet_fold(&self, column: u32, row: u32, paths: u32, brightest: f64) -> f64 {
-        let Some(facets) = &self.facets else {
-            return 0.0;
-        };
-        if !facets.may_be_seen(column, row) {
-            return 0.0;
-        }
-        let most = facets.light_max(column, row, self.reflectance, self.scene.bulb.radiance);
-        UNSEEN / f64::from(paths) * (most - brightest).max(0.0)
     }
 
     /// At most what a pixel is off by because no path met the gap about the bulb.
@@ -339,8 +325,7 @@ impl<'a> Tracer<'a> {
                 break;
             };
             if bounce == 0 {
-                let log_lobe = continuation.log_lobe();
-                scratch.reach.log_lobe = scratch.reach.log_lobe.min(log_lobe);
+                scratch.reach.note(continuation.unmet());
             }
             let Some((wi, weight)) = continuation.sample(wo, point) else {
                 break;

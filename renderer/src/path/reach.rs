@@ -2,13 +2,38 @@
 
 use super::interval::UNSEEN;
 
-/// Whether any of some paths went on from the sample to the chart, and how far from the lobe's
-/// centre the chart began for them.
+/// Whether any of some paths went on from the sample to the chart, and what those that did not may have left
+/// out.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     pub hit: bool,
-    /// The least negative logarithm of the lobe on the chart, over its peak.
-    pub log_lobe: f64,
+    /// Of all that went on from the sample.
+    pub unmet: Unmet,
+}
+
+/// At most what is on the way to the chart, as a share of its radiance, were it hidden nowhere.
+#[derive(Clone, Copy, Debug)]
+pub struct Unmet {
+    /// All of it.
+    pub share: f64,
+    /// What one path carries that goes to the chart.
+    pub weight: f64,
+}
+
+impl Unmet {
+    /// Where no path goes to the chart.
+    pub const NOTHING: Self = Self {
+        share: 0.0,
+        weight: 0.0,
+    };
+
+    /// Where only the weight of a path is known.
+    pub fn unknown(weight: f64) -> Self {
+        Self {
+            share: f64::INFINITY,
+            weight,
+        }
+    }
 }
 
 impl Default for Reach {
@@ -21,15 +46,21 @@ impl Reach {
     /// Of no path.
     pub const NONE: Self = Self {
         hit: false,
-        log_lobe: f64::INFINITY,
+        unmet: Unmet::NOTHING,
     };
+
+    /// Notes what a path may leave out.
+    pub fn note(&mut self, unmet: Unmet) {
+        self.unmet.share = self.unmet.share.max(unmet.share);
+        self.unmet.weight = self.unmet.weight.max(unmet.weight);
+    }
 
     /// At most the share of a pixel's light that goes to the chart, `paths` paths not having met it.
     pub fn unseen(&self, paths: u32) -> f64 {
         if self.hit {
-            0.0
-        } else {
-            UNSEEN / f64::from(paths) * libm::exp(-self.log_lobe)
+            return 0.0;
         }
+        let Unmet { share, weight } = self.unmet;
+        share.min(UNSEEN / f64::from(paths) * weight)
     }
 }

@@ -144,9 +144,11 @@ fn traced(
         let sampler = Sampler::new(picture.key, pixel, replicate);
         *mean = tracer.trace(&footprint, &sampler, paths / REPLICATES, &mut scratch);
     }
-    let unseen = tracer.bulb_gap(&footprint)
-        + tracer.chart_max * scratch.reach.unseen(paths)
-        + tracer.unmet_fold(column, row, paths, scratch.brightest);
+    let unmet_fold = tracer.facets.as_ref().map_or(0.0, |facets| {
+        facets.unmet(column, row, paths, scratch.brightest)
+    });
+    let unseen =
+        tracer.bulb_gap(&footprint) + tracer.chart_max * scratch.reach.unseen(paths) + unmet_fold;
     let mut film = interval::estimate(&means, unseen);
     film.error += scratch.rule_error;
     // What shadows take away is sampled, and may be more than all there is. No light is negative.

@@ -1,7 +1,13 @@
 //! The part of a rectangle that is above a horizon.
 
+use crate::vector::Vec3;
+use std::f64::consts::PI;
+
 /// The most corners of a rectangle that a line has cut.
 const CORNERS_MAX: usize = 5;
+
+/// The corners of the unit square.
+pub const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
 
 /// A convex part of the unit square, as triangles about its first corner.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +22,6 @@ impl VisiblePart {
     /// The part where a height is positive that is linear over the square and has these values at
     /// (0, 0), (1, 0), (1, 1) and (0, 1). `None` where there is none.
     pub fn new(heights: [f64; 4]) -> Option<Self> {
-        const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let mut part = Self {
             corners: [[0.0; 2]; CORNERS_MAX],
             count: 0,
@@ -51,6 +56,11 @@ impl VisiblePart {
         }
     }
 
+    /// Its corners, in the order of the square's.
+    pub fn corners(&self) -> &[[f64; 2]] {
+        &self.corners[..self.count]
+    }
+
     /// Its share of the square.
     pub fn area(&self) -> f64 {
         if self.count < 3 {
@@ -80,12 +90,62 @@ impl VisiblePart {
     }
 }
 
+/// The angle from a unit direction to the nearest of those to a convex polygon, in radians; 0 where it is one
+/// of them.
+pub fn angle_from(direction: Vec3, corners: impl Iterator<Item = Vec3> + Clone) -> f64 {
+    let (mut left, mut right) = (false, false);
+    let mut least = PI;
+    let mut previous = corners.clone().last();
+    for b in corners {
+        let Some(a) = previous.replace(b) else {
+            break;
+        };
+        let across = a.cross(b);
+        let off = direction.dot(across);
+        left |= off > 0.0;
+        right |= off < 0.0;
+        let foot = direction * across.length_squared() - across * off;
+        let is_between = a.cross(foot).dot(across) >= 0.0 && foot.cross(b).dot(across) >= 0.0;
+        least = least.min(if is_between && foot.length_squared() > 0.0 {
+            angle_between(direction, foot)
+        } else {
+            angle_between(direction, b).min(angle_between(direction, a))
+        });
+    }
+    if left && right { least } else { 0.0 }
+}
+
+/// The angle between two vectors, also where it is small.
+pub fn angle_between(a: Vec3, b: Vec3) -> f64 {
+    libm::atan2(a.cross(b).length(), a.dot(b))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
 
     proptest! {
+        #[test]
+        fn no_direction_to_a_polygon_is_nearer_than_its_angle(
+            heights in prop::array::uniform4(-1.0..1.0f64),
+            direction in prop::array::uniform3(-1.0..1.0f64),
+            at in prop::array::uniform2(0.0..1.0f64),
+            [distance, tilt] in [0.01..2.0f64, -2.0..2.0],
+        ) {
+            let direction = Vec3::from(direction);
+            prop_assume!(direction.length() > 0.1);
+            let Some(part) = VisiblePart::new([heights[0], heights[1], heights[2],
+                heights[0] + heights[2] - heights[1]]) else {
+                return Ok(());
+            };
+            let place = |[u, v]: [f64; 2]| Vec3::new(u - 0.4, v - 0.7 + tilt * u, distance);
+            let corners = part.corners().iter().map(|corner| place(*corner));
+            let angle = angle_from(direction.normalized(), corners);
+            let off = angle_between(direction, place(part.point(at)));
+            prop_assert!(angle <= off + 1e-9, "{angle} {off}");
+        }
+
         #[test]
         fn a_part_holds_its_points_and_fills_its_share(
             at in (-1.0..1.0f64, -1.0..1.0f64, -1.0..1.0f64)

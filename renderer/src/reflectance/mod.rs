@@ -153,6 +153,17 @@ impl Reflectance {
         tint(self.tint, fresnel, self.colour(cos_o))
     }
 
+    /// At most the tint, in any channel, where the cosines lie between these.
+    pub(crate) fn tint_max(&self, cos_i: [f64; 2], cos_o: [f64; 2]) -> f64 {
+        // Fresnel's reflectance falls with the cosine and may rise again. The largest channel of a tint rises
+        // with it and is, along a line of colours, a quotient of a convex and a linear function: both are
+        // largest at an end.
+        let fresnel = cos_i.map(|cosine| fresnel::reflectance(cosine, self.ior));
+        let fresnel = fresnel[0].max(fresnel[1]);
+        let tints = cos_o.map(|cosine| tint(self.tint, fresnel, self.colour(cosine)));
+        tints.into_iter().flatten().fold(0.0, f64::max)
+    }
+
     /// The tint toward a viewer at `cos_o`, as a function of Fresnel's reflectance.
     pub fn tint_response(&self, cos_o: f64) -> TintResponse {
         TintResponse::new(self.tint, self.colour(cos_o))

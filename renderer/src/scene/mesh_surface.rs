@@ -6,7 +6,6 @@ use crate::geometry::{
 };
 use crate::vector::Vec3;
 use dataset::specification::{LoadedMesh, Sample};
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The squared length below which what is left of a direction, made perpendicular to another, is rounding.
@@ -45,6 +44,37 @@ pub struct MeshPoint {
     pub frame: Frame,
     /// The unit normal of the triangle.
     pub facet: Vec3,
+}
+
+/// The corners of a triangle, or of a part of one. Points between them have means of what they have.
+#[derive(Clone, Copy, Debug)]
+pub struct Corners {
+    /// Where they are.
+    pub positions: [Vec3; 3],
+    /// Their normals; `None` where those are the triangle's own.
+    pub normals: Option<[Vec3; 3]>,
+    /// What the x axes of their frames are made of; `None` where the mesh has neither tangents nor texture
+    /// coordinates.
+    pub along: Option<[Vec3; 3]>,
+}
+
+impl Corners {
+    /// Those of four equal parts.
+    pub fn divided(&self) -> [Self; 4] {
+        let positions = divided(self.positions);
+        let [normals, along] = [self.normals, self.along].map(|of_corners| of_corners.map(divided));
+        std::array::from_fn(|part| Self {
+            positions: positions[part],
+            normals: normals.map(|normals| normals[part]),
+            along: along.map(|along| along[part]),
+        })
+    }
+}
+
+/// The corners of four equal parts, where those of the whole have a, b and c.
+fn divided([a, b, c]: [Vec3; 3]) -> [[Vec3; 3]; 4] {
+    let [ab, bc, ca] = [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5];
+    [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
 }
 
 impl MeshSurface {
@@ -120,26 +150,19 @@ impl MeshSurface {
         }
     }
 
-    /// A unit normal of a triangle, and the most, in radians, that the normals of its points turn from it.
-    pub fn normal_cone(&self, triangle: usize) -> (Vec3, f64) {
-        let [a, b, c] = self.traced.triangles().at(triangle);
-        let facet = (b - a).cross(c - a).normalized();
-        let Some(normals) = self.loaded.mesh().normals() else {
-            return (facet, 0.0);
-        };
-        let corners = self.traced.triangles().corners()[triangle];
-        let corners = corners.map(|vertex| Vec3::from(normals[vertex as usize]));
-        let mean = corners[0] + corners[1] + corners[2];
-        if mean.length_squared() <= PERPENDICULAR_MIN {
-            return (facet, PI);
+    /// The corners of a triangle.
+    pub fn corners(&self, triangle: usize) -> Corners {
+        let vertices = self.traced.triangles().corners()[triangle];
+        let of_vertices = |all: &[[f64; 3]]| vertices.map(|at| Vec3::from(all[at as usize]));
+        let mesh = self.loaded.mesh();
+        Corners {
+            positions: self.traced.triangles().at(triangle),
+            normals: mesh.normals().map(of_vertices),
+            along: match mesh.tangents() {
+                Some(tangents) => Some(of_vertices(tangents)),
+                None => self.growth_of_u(triangle as u32).map(|along| [along; 3]),
+            },
         }
-        let mean = mean.normalized();
-        let least = corners
-            .into_iter()
-            .fold(1.0, |least: f64, at| least.min(mean.dot(at)));
-        // Points between them are within the cone about the mean that holds all three, if that is convex.
-        let turn = if least > 0.0 { libm::acos(least) } else { PI };
-        (mean, turn)
     }
 
     /// The texture coordinates at a point; `None` where the mesh has none.

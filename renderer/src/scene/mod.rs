@@ -12,7 +12,7 @@ pub use bulb::Bulb;
 pub use camera::PinholeCamera;
 pub use chart::{Chart, ChartPlane};
 pub use frame::Frame;
-pub use mesh_surface::{MeshPoint, MeshSurface, OnTriangle};
+pub use mesh_surface::{Corners, MeshPoint, MeshSurface, OnTriangle};
 pub use sample::SampleSurface;
 pub use smooth_surface::{MirrorPoint, SmoothSurface};
 
