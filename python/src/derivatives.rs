@@ -36,6 +36,7 @@ pub fn derivatives<'py>(
 ) -> PyResult<Arrays<'py>> {
     let material = parameters.material()?;
     let backend = backend.parse::<BackendChoice>().map_err(invalid)?;
+    specification.check_mesh()?;
     let specification = specification.0.clone();
     let found = interruptible::run(py, move || {
         let differentiate = || {

@@ -19,6 +19,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("RENDERER_VERSION", dataset::RENDERER_VERSION)?;
+    module.add("MESH_BYTES_MAX", mesh::limits::FILE_BYTES_MAX)?;
     module.add("StoreError", module.py().get_type::<error::StoreError>())?;
     module.add_class::<specification::Specification>()?;
     module.add_class::<rendering::Rendering>()?;

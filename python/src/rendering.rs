@@ -102,6 +102,7 @@ pub fn render(
 ) -> PyResult<Rendering> {
     let material = parameters.material()?;
     let backend = backend.parse::<BackendChoice>().map_err(invalid)?;
+    specification.check_mesh()?;
     let renderer = kept_renderer(&specification.0, backend)?;
     let began = Instant::now();
     let working = Arc::clone(&renderer);

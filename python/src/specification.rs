@@ -4,7 +4,10 @@ use crate::{
     error::{invalid, of_file, of_store},
     reflectance::Parameters,
 };
-use dataset::SpecificationError;
+use dataset::{
+    SpecificationError,
+    specification::{SampleMesh, Shape},
+};
 use export::manifest::read::{ReadError, read_specification};
 use pyo3::{prelude::*, types::PyBytes};
 use std::path::PathBuf;
@@ -35,33 +38,10 @@ impl Specification {
         read.map(Self).map_err(invalid)
     }
 
-    /// What `to_json` wrote, with the mesh of `like` if it names the same one.
     #[staticmethod]
-    #[pyo3(signature = (text, like = None))]
-    fn from_json(text: &str, like: Option<&Self>) -> PyResult<Self> {
-        let read = dataset::Specification::from_json(text).map_err(invalid)?;
-        Ok(Self(match like {
-            Some(like) => read.with_mesh_of(&like.0),
-            None => read,
-        }))
-    }
-
-    /// What the file of its mesh is called, if it names one.
-    fn mesh_name(&self) -> Option<String> {
-        let mesh = self.0.sample.mesh.as_ref();
-        mesh.map(dataset::specification::SampleMesh::file_name)
-    }
-
-    /// The bytes of that file, if the mesh is loaded.
-    fn mesh<'py>(&self, python: Python<'py>) -> Option<Bound<'py, PyBytes>> {
-        let loaded = self.0.sample.loaded_mesh()?;
-        Some(PyBytes::new(python, loaded.bytes()))
-    }
-
-    /// The same with its mesh loaded from the bytes of its file.
-    fn with_mesh(&self, bytes: Vec<u8>) -> PyResult<Self> {
-        let loaded = self.0.clone().with_mesh(bytes);
-        loaded.map(Self).map_err(invalid)
+    fn from_json(text: &str) -> PyResult<Self> {
+        let read = dataset::Specification::from_json(text);
+        read.map(Self).map_err(invalid)
     }
 
     fn to_toml(&self) -> String {
@@ -70,6 +50,49 @@ impl Specification {
 
     fn to_json(&self) -> String {
         self.0.to_json()
+    }
+
+    /// The bytes of the mesh's file, where the sample is a mesh that is loaded.
+    fn mesh<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
+        let loaded = self.0.sample.loaded_mesh()?;
+        Some(PyBytes::new(py, loaded.bytes()))
+    }
+
+    /// What the mesh's file is called beside a file of the specification, where the sample is a mesh.
+    fn mesh_file_name(&self) -> Option<String> {
+        self.0.sample.mesh.as_ref().map(SampleMesh::file_name)
+    }
+
+    /// The same with the mesh that these bytes hold: the one that it names, or else the sample becomes it.
+    fn with_mesh(&self, py: Python<'_>, bytes: &[u8]) -> PyResult<Self> {
+        let (specification, bytes) = (self.0.clone(), bytes.to_vec());
+        // Millions of triangles take seconds.
+        let made = py.detach(move || match specification.sample.mesh {
+            Some(_) => specification
+                .with_mesh(bytes)
+                .map_err(|error| error.to_string()),
+            None => of_mesh(specification, bytes),
+        });
+        made.map(Self).map_err(invalid)
+    }
+
+    /// The same with the mesh that another has loaded, if that is the one that it names.
+    fn with_mesh_of(&self, other: &Self) -> Self {
+        Self(self.0.clone().with_mesh_of(&other.0))
+    }
+
+    /// Nothing where a mesh that it names is loaded, or it names none; otherwise a `ValueError`, which says
+    /// how a mesh is loaded.
+    pub fn check_mesh(&self) -> PyResult<()> {
+        let sample = &self.0.sample;
+        match &sample.mesh {
+            Some(mesh) if sample.loaded_mesh().is_none() => Err(invalid(format_args!(
+                "the sample is the mesh {}, which is not loaded: give its file or its bytes to \
+                 Specification.with_mesh()",
+                mesh.digest()
+            ))),
+            _ => Ok(()),
+        }
     }
 
     fn hash(&self) -> String {
@@ -85,6 +108,22 @@ impl Specification {
     fn split(&self, index: u32) -> &'static str {
         self.0.split(index).name()
     }
+}
+
+/// A specification whose sample becomes the mesh of these bytes.
+fn of_mesh(
+    mut specification: dataset::Specification,
+    bytes: Vec<u8>,
+) -> Result<dataset::Specification, String> {
+    let mesh = SampleMesh::of_bytes(bytes)
+        .map_err(|error| format!("the mesh cannot be rendered: {error}"))?;
+    specification.sample.shape = Shape::Mesh;
+    specification.sample.mesh = Some(mesh.clone());
+    // What is checked of a specification depends on its sample.
+    let checked = dataset::Specification::from_json(&specification.to_json());
+    let mut checked = checked.map_err(|error| error.to_string())?;
+    checked.sample.mesh = Some(mesh);
+    Ok(checked)
 }
 
 /// The specification that a manifest in Parquet carries.

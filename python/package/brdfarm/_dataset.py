@@ -213,7 +213,7 @@ class _Manifest:
             copy.write_bytes(self.bytes_of(path))
             native = _native.manifest_specification(str(copy))
         # An export has the mesh beside the manifest; a manifest alone tells labels all the same.
-        mesh = native.mesh_name()
+        mesh = native.mesh_file_name()
         if mesh is not None:
             with contextlib.suppress(FileNotFoundError):
                 native = native.with_mesh(self.bytes_of(f"{path.rpartition('/')[0]}/{mesh}"))

@@ -81,10 +81,7 @@ def run(
     with tempfile.TemporaryDirectory(prefix="brdfarm-") as folder:
         if specification is not None:
             file = Path(folder) / "specification.toml"
-            file.write_text(specification.to_toml())
-            name, mesh = specification._inner.mesh_name(), specification._inner.mesh()
-            if name is not None and mesh is not None:
-                (Path(folder) / name).write_bytes(mesh)
+            specification.save(file)
             arguments += ["--spec", str(file)]
         code, said = _execute(arguments, _shown(progress))
     if code != 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from brdfarm import _native
@@ -14,8 +15,8 @@ from brdfarm._material import Material
 class Specification:
     """A dataset's specification, complete and checked.
 
-    Make one with `preset`, `load` or `from_toml`, and others from it with `replace`. Fields, units
-    and defaults are those of the TOML file, which `to_toml` writes.
+    Make one with `preset`, `load` or `from_toml`, and others from it with `replace` and `with_mesh`.
+    Fields, units and defaults are those of the TOML file, which `to_toml` writes.
     """
 
     __slots__ = ("_inner",)
@@ -30,12 +31,14 @@ class Specification:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Specification:
-        """Reads a TOML file. What it leaves out is as in the preset."""
+        """Reads a TOML file, and the mesh beside it if it names one. What it leaves out is as in the
+        preset."""
         return cls._of(_native.Specification.load(os.fspath(path)))
 
     @classmethod
     def from_toml(cls, text: str) -> Specification:
-        """Reads TOML. What it leaves out is as in the preset."""
+        """Reads TOML. What it leaves out is as in the preset. A mesh is named by its digest, and is
+        loaded by `with_mesh`."""
         return cls._of(_native.Specification.from_toml(text, "TOML"))
 
     @classmethod
@@ -53,14 +56,38 @@ class Specification:
     def replace(self, **changes: Any) -> Specification:
         """Another specification with other values: `spec.replace(materials=300, image=dict(width=64))`.
 
-        A dict changes the fields that it names and leaves the others. A list replaces a list.
+        A dict changes the fields that it names and leaves the others. A list replaces a list. A mesh
+        stays loaded.
         """
         fields = _merged(self.to_dict(), changes)
         try:
             text = json.dumps(fields, default=_plain, allow_nan=False)
         except ValueError:
             raise ValueError("a number of a specification has to be finite") from None
-        return self._of(_native.Specification.from_json(text, self._inner))
+        return self._of(_native.Specification.from_json(text).with_mesh_of(self._inner))
+
+    def with_mesh(self, mesh: str | os.PathLike[str] | bytes) -> Specification:
+        """Another specification whose sample is a mesh: the path of an OBJ or PLY file, or its bytes.
+
+        Where the sample is a mesh already, this loads it: from the file that the digest in `sample.mesh`
+        names, and from no other. `replace(sample=dict(shape="square", mesh=None))` takes a mesh away.
+        """
+        return self._of(self._inner.with_mesh(_mesh_bytes(mesh)))
+
+    @property
+    def mesh(self) -> bytes | None:
+        """The bytes of the mesh's file. None where the sample is no mesh, or the mesh is not loaded."""
+        return self._inner.mesh()
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the file that `load` and the command's `--spec` read, and beside it the mesh, whose
+        file is named by its digest."""
+        self._inner.check_mesh()
+        file = Path(path)
+        mesh, name = self.mesh, self._inner.mesh_file_name()
+        if mesh is not None and name is not None:
+            (file.parent / name).write_bytes(mesh)
+        file.write_text(self.to_toml())
 
     def to_dict(self) -> dict[str, Any]:
         """All fields, as the TOML file has them."""
@@ -68,7 +95,8 @@ class Specification:
         return fields
 
     def to_toml(self) -> str:
-        """The file that `load` and the command's `--spec` read."""
+        """The text of the file that `load` and the command's `--spec` read. It names a mesh by its
+        digest: `save` writes the mesh as well."""
         return self._inner.to_toml()
 
     @property
@@ -129,12 +157,25 @@ class Specification:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _from_json, (self._inner.to_json(), self._inner.mesh())
+        return _from_json, (self._inner.to_json(), self.mesh)
 
 
 def _from_json(text: str, mesh: bytes | None = None) -> Specification:
     native = _native.Specification.from_json(text)
     return Specification._of(native if mesh is None else native.with_mesh(mesh))
+
+
+def _mesh_bytes(mesh: str | os.PathLike[str] | bytes) -> bytes:
+    """The bytes of a mesh, none of which is read of a file that is too large."""
+    if isinstance(mesh, bytes | bytearray | memoryview):
+        return bytes(mesh)
+    path = Path(mesh)
+    size = path.stat().st_size
+    if size > _native.MESH_BYTES_MAX:
+        raise ValueError(
+            f"{path} has {size} bytes, and a mesh has at most {_native.MESH_BYTES_MAX}: simplify it"
+        )
+    return path.read_bytes()
 
 
 def _plain(value: Any) -> Any:
