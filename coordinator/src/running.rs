@@ -10,6 +10,7 @@ use crate::{
         Security,
         admission::{self, Connection},
         guard::Guard,
+        unread::Unread,
     },
     service::{ControlService, FarmService},
     supervision::Supervisor,
@@ -167,7 +168,8 @@ impl Coordinator {
         let listener = admission::listen(listen).map_err(unable)?;
         let address = listener.local_addr().map_err(unable)?;
         let metrics = Arc::<Metrics>::default();
-        let mut server = server(&options.security, Arc::clone(&metrics))?;
+        let unread = Unread::default();
+        let mut server = server(&options.security, unread.clone(), Arc::clone(&metrics))?;
         let metrics_listener = match options.metrics {
             Some(address) => Some(
                 TcpListener::bind(address)
@@ -209,6 +211,7 @@ impl Coordinator {
             stopping.clone(),
         );
         supervisor.spawn("server", server);
+        supervisor.spawn("unread", unread.watch(stopping.clone()));
         supervisor.spawn("sweep", sweep(Arc::clone(&farm), stopping));
         tracing::info!(%address, "the coordinator listens");
         Ok(RunningCoordinator {
@@ -335,7 +338,11 @@ fn supervisor(options: &Options, stopping: watch::Receiver<bool>) -> Supervisor 
     Supervisor::with_panic_in(stopping, options.panics)
 }
 
-fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, CoordinatorError> {
+fn server(
+    security: &Security,
+    unread: Unread,
+    metrics: Arc<Metrics>,
+) -> Result<GuardedServer, CoordinatorError> {
     let mut server = Server::builder()
         .concurrency_limit_per_connection(limits::protocol::CALLS_PER_CONNECTION_MAX)
         .max_concurrent_streams(limits::protocol::CALLS_PER_CONNECTION_MAX as u32)
@@ -356,7 +363,7 @@ fn server(security: &Security, metrics: Arc<Metrics>) -> Result<GuardedServer, C
             CoordinatorError::Certificate(format!("{error}{}", cause.unwrap_or_default()))
         })?;
     }
-    Ok(server.layer(Guard::new(security.tokens.clone(), metrics)))
+    Ok(server.layer(Guard::new(security.tokens.clone(), unread, metrics)))
 }
 
 /// Where this machine reaches an address that may stand for all of its own.
@@ -459,7 +466,14 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn a_panic_in_any_task_ends_the_coordinator_with_its_reason() {
-        for task in ["publisher", "metrics", "health", "server", "sweep"] {
+        for task in [
+            "publisher",
+            "metrics",
+            "health",
+            "server",
+            "unread",
+            "sweep",
+        ] {
             let folder = tempfile::tempdir().unwrap();
             let mut specification = Specification::preset();
             specification.materials = 2;

@@ -104,6 +104,17 @@ pub const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Bytes of messages under way, of all calls together.
 pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
+/// Bytes of answers that nobody has read yet, of all connections together: room for a part of a mesh for
+/// each, so that a peer that has to go where there are more has asked for more than a worker does.
+pub const UNREAD_BYTES_MAX: usize = CONNECTIONS_MAX * protocol::MESH_BYTES_PER_CALL;
+
+/// How long an answer may wait for its peer to read it, as long as a client waits for it: 8 MiB over
+/// 2 Mbit/s fit, and a part of a mesh over 16 kbit/s.
+pub const UNREAD_WAIT_MAX: Duration = protocol::CALL_DEADLINE;
+
+/// How often answers are looked for that have waited too long.
+pub const UNREAD_INTERVAL: Duration = Duration::from_secs(1);
+
 /// Bytes of images accepted and not yet completed, with the room that leases reserved for more.
 pub const STAGED_BYTES_MAX: u64 = 2 << 30;
 

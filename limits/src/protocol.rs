@@ -15,8 +15,9 @@ pub const BLOB_BYTES_MAX: u64 = 7 << 20;
 /// by one, so that on a slow line what has arrived need not be sent again.
 pub const IMAGES_BROUGHT_BYTES_MAX: u64 = 256 << 10;
 
-/// The bytes of a mesh that one answer has, but for the last. An answer that nobody reads may be kept whole
-/// as long as its connection, of which one makes 64 calls: 4 MiB.
+/// The bytes of a mesh that one answer has, but for the last. A worker asks for one at a time. Who makes 64
+/// calls on a connection and reads none of the answers holds 4 MiB, which `UNREAD_BYTES_MAX` bounds for all
+/// connections together.
 pub const MESH_BYTES_PER_CALL: usize = 64 << 10;
 
 /// Length of a lease token and of a worker's id, bytes.

@@ -20,4 +20,6 @@ mod place;
 #[allow(dead_code, reason = "other tests use the rest")]
 #[path = "../process/mod.rs"]
 mod process;
+#[allow(clippy::print_stdout, reason = "it tells its figures")]
+mod unread;
 mod windows;

@@ -128,6 +128,15 @@ impl Connection {
     pub fn peer(&self) -> Peer {
         self.visit.peer.clone()
     }
+
+    /// An error where the peer has to go. Writing asks as well as reading: while a write waits for its
+    /// peer HTTP/2 may not read.
+    fn check_end(&mut self, context: &mut Context<'_>) -> io::Result<()> {
+        match self.visit.poll_end(context) {
+            Poll::Ready(why) => Err(io::Error::new(io::ErrorKind::TimedOut, why)),
+            Poll::Pending => Ok(()),
+        }
+    }
 }
 
 impl Connected for Connection {
@@ -144,10 +153,7 @@ impl AsyncRead for Connection {
         context: &mut Context<'_>,
         buffer: &mut ReadBuf<'_>,
     ) -> Poll<io::Result<()>> {
-        if self.visit.poll_end(context).is_ready() {
-            let why = "no call was authorised in time";
-            return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, why)));
-        }
+        self.check_end(context)?;
         Pin::new(&mut self.stream).poll_read(context, buffer)
     }
 }
@@ -158,6 +164,7 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         bytes: &[u8],
     ) -> Poll<io::Result<usize>> {
+        self.check_end(context)?;
         Pin::new(&mut self.stream).poll_write(context, bytes)
     }
 
@@ -174,6 +181,7 @@ impl AsyncWrite for Connection {
         context: &mut Context<'_>,
         slices: &[io::IoSlice<'_>],
     ) -> Poll<io::Result<usize>> {
+        self.check_end(context)?;
         Pin::new(&mut self.stream).poll_write_vectored(context, slices)
     }
 

@@ -1,8 +1,12 @@
 //! What every call has to pass before its message is read: the caller's role; and while it is
 //! read: a bound on the memory that all messages under way take together, and on the time that one
-//! may take to arrive.
+//! may take to arrive. Answers are counted on their way out (`unread`).
 
-use super::{Caller, Role, Tokens, strangers::Peer};
+use super::{
+    Caller, Role, Tokens,
+    strangers::Peer,
+    unread::{Counted, Unread},
+};
 use crate::{metrics::Metrics, service::refuse};
 use http::{Request, Response, header::AUTHORIZATION};
 use http_body::{Frame, SizeHint};
@@ -28,11 +32,16 @@ const READERS_CALLS: [&str; 5] = [
     "GetBlob",
 ];
 
+/// The call whose answer goes on for as long as its caller likes, and as slowly: who is slow misses
+/// events.
+const ENDLESS_CALL: &str = "/brdfarm.v1.Control/WatchEvents";
+
 /// Puts a [`Guarded`] before a service.
 #[derive(Clone)]
 pub(crate) struct Guard {
     tokens: Option<Arc<Tokens>>,
     budget: Budget,
+    unread: Unread,
     metrics: Arc<Metrics>,
 }
 
@@ -61,10 +70,11 @@ struct Metered {
 }
 
 impl Guard {
-    pub fn new(tokens: Option<Tokens>, metrics: Arc<Metrics>) -> Self {
+    pub fn new(tokens: Option<Tokens>, unread: Unread, metrics: Arc<Metrics>) -> Self {
         Self {
             tokens: tokens.map(Arc::new),
             budget: Budget::default(),
+            unread,
             metrics,
         }
     }
@@ -201,11 +211,12 @@ where
         let began = Instant::now();
         let path = request.uri().path().to_owned();
         let metrics = Arc::clone(&self.guard.metrics);
+        let peer = peer(&request).cloned();
         match self.guard.admit(&request) {
             Ok(caller) => {
                 // Asking after the health takes no token, and makes nobody known.
                 if (self.guard.tokens.is_none() || caller.is_some())
-                    && let Some(peer) = peer(&request)
+                    && let Some(peer) = &peer
                 {
                     peer.introduce();
                 }
@@ -231,6 +242,7 @@ where
             })
         });
         let answer = self.service.call(request);
+        let unread = self.guard.unread.clone();
         Box::pin(async move {
             let answer = answer.await;
             // What was read stays in memory until the call is done with it.
@@ -241,7 +253,19 @@ where
                 let refused = refused.filter(|code| *code != Code::Ok);
                 metrics.note_call(&path, began.elapsed(), refused);
             }
-            answer
+            let Some(peer) = peer else {
+                return answer;
+            };
+            let wait_max = (path != ENDLESS_CALL).then_some(limits::UNREAD_WAIT_MAX);
+            let counted = |body| {
+                Body::new(Counted {
+                    body,
+                    unread,
+                    peer,
+                    wait_max,
+                })
+            };
+            answer.map(|answer| answer.map(counted))
         })
     }
 }

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `tokens` | which token has which role, compared in constant time |
 //! | `guard` | every call: its role, the memory and the time that its message may take |
+//! | `unread` | every answer: the memory of all that nobody reads, and how long one may wait |
 //! | `admission` | every connection: how many, and how long each may keep silent at first |
 //! | `strangers` | connections that have shown no token: how many, and how long |
 
@@ -11,6 +12,7 @@ pub mod admission;
 pub(crate) mod guard;
 mod strangers;
 mod tokens;
+pub(crate) mod unread;
 
 pub use tokens::{Caller, Role, TokenError, Tokens};
 

@@ -57,6 +57,8 @@ struct PeerState {
     // From its first authorised call on.
     place: OnceLock<OwnedSemaphorePermit>,
     is_put_out: AtomicBool,
+    // Also where it has shown a token.
+    has_to_go: AtomicBool,
     waker: AtomicWaker,
 }
 
@@ -103,6 +105,7 @@ impl Strangers {
             strangers: self.clone(),
             place: OnceLock::new(),
             is_put_out: AtomicBool::new(false),
+            has_to_go: AtomicBool::new(false),
             waker: AtomicWaker::new(),
         }));
         let waiting = if state.known.contains(&address) {
@@ -138,6 +141,17 @@ impl State {
 }
 
 impl Peer {
+    /// What tells it from the others.
+    pub(crate) fn number(&self) -> u64 {
+        self.0.number
+    }
+
+    /// Closes its connection, whatever it has shown.
+    pub(crate) fn put_out(&self) {
+        self.0.has_to_go.store(true, Ordering::Release);
+        self.0.waker.wake();
+    }
+
     /// Notes that the peer made a call that is authorised: it is no stranger any more, if there is a
     /// place for it.
     pub fn introduce(&self) {
@@ -160,21 +174,25 @@ impl Peer {
 }
 
 impl Visit {
-    /// Ready when the peer has to go.
-    pub fn poll_end(&mut self, context: &mut Context<'_>) -> Poll<()> {
+    /// Ready when the peer has to go, with the reason.
+    pub fn poll_end(&mut self, context: &mut Context<'_>) -> Poll<&'static str> {
+        let peer = &self.peer.0;
+        peer.waker.register(context.waker());
+        if peer.has_to_go.load(Ordering::Acquire) {
+            return Poll::Ready("answers were not read in time");
+        }
         let Some(deadline) = &mut self.deadline else {
             return Poll::Pending;
         };
-        let peer = &self.peer.0;
         if peer.place.get().is_some() {
             self.deadline = None;
             return Poll::Pending;
         }
-        peer.waker.register(context.waker());
+        let why = "no call was authorised in time";
         if peer.is_put_out.load(Ordering::Acquire) {
-            return Poll::Ready(());
+            return Poll::Ready(why);
         }
-        deadline.as_mut().poll(context)
+        deadline.as_mut().poll(context).map(|()| why)
     }
 }
 

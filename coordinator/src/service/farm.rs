@@ -283,8 +283,8 @@ impl proto::Farm for FarmService {
     }
 }
 
-/// The bytes of a mesh that one answer has, and how many there are in all. They are not copied: an answer
-/// that waits to be sent takes next to no memory.
+/// The bytes of a mesh that one answer has, and how many there are in all. They are copied once, when the
+/// answer is encoded; `security::unread` bounds what waits to be read.
 fn part(mesh: Bytes, offset: u64) -> Result<(Bytes, u64), Status> {
     let offset_in_memory = usize::try_from(offset).unwrap_or(usize::MAX);
     if offset_in_memory >= mesh.len() {
