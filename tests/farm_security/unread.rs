@@ -7,7 +7,7 @@ use limits::{UNREAD_BYTES_MAX, protocol};
 use proto::client::{self, Credentials, with_deadline};
 use std::collections::VecDeque;
 use std::fs;
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::sync::Arc;
@@ -41,7 +41,7 @@ const MEMORY_PER_UNREAD: f64 = 1.5;
 
 /// What a coordinator takes beside, for the calls of a few hundred connections and for those that are just
 /// being closed, bytes.
-const MEMORY_BESIDE: u64 = 128 << 20;
+const MEMORY_BESIDE: u64 = 256 << 20;
 
 /// How long an honest worker may take for the mesh and its material beside the flood.
 const WORK_MAX: Duration = Duration::from_secs(8);
@@ -130,6 +130,33 @@ fn flood(address: &str, ended: &AtomicBool, opened: &AtomicUsize) {
             sleep(Duration::from_millis(10));
         }
         opened.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Answers the pings of a connection, and nothing else that comes: tells when the coordinator closed it.
+/// `None` where it is open at `until`.
+fn answering_pings(mut stream: TcpStream, until: Instant) -> Option<Instant> {
+    const PING: u8 = 6;
+    const ACK: u8 = 1;
+    let patience = until.saturating_duration_since(Instant::now());
+    stream.set_read_timeout(Some(patience)).expect("a timeout");
+    loop {
+        let mut head = [0; 9];
+        let mut payload = Vec::new();
+        let read = stream.read_exact(&mut head).and_then(|()| {
+            let length = u32::from_be_bytes([0, head[0], head[1], head[2]]);
+            payload.resize(length as usize, 0);
+            stream.read_exact(&mut payload)
+        });
+        match read {
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return None,
+            Err(_) => return Some(Instant::now()),
+            Ok(()) if head[3] == PING && head[4] & ACK == 0 => {
+                // An error means that it is closed, which reading tells.
+                let _ = stream.write_all(&frame(PING, ACK, 0, &payload));
+            }
+            Ok(()) => {}
+        }
     }
 }
 
@@ -227,4 +254,45 @@ async fn who_reads_no_answers_holds_bounded_memory_and_keeps_nobody_out() {
             .expect("an answer"),
         1
     );
+}
+
+/// One peer answers pings, so that its connection is alive, and one reads nothing at all: neither keeps
+/// its answers for longer than they may wait.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "waits for the deadline of answers: tests/floods.sh runs it"]
+async fn who_reads_no_answers_is_put_out_in_time() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let (coordinator, url, _mesh) = coordinator(directory.path());
+    let address = url.trim_start_matches("http://").to_owned();
+    let saying = |window| {
+        let mut stream = TcpStream::connect(&address).expect("a connection");
+        stream.write_all(&calls(window)).expect("written");
+        stream
+    };
+    let before = sockets(&coordinator);
+    let (alive, _deaf) = (saying(1), saying(1 << 30));
+    let began = Instant::now();
+    let until = began + limits::UNREAD_WAIT_MAX + Duration::from_secs(20);
+    let closed = spawn_blocking(move || answering_pings(alive, until)).await;
+    let stayed = closed.expect("no panic").expect("it was closed") - began;
+    println!("a connection that answers pings and reads nothing was closed after {stayed:?}");
+    assert!(stayed > limits::UNREAD_WAIT_MAX - Duration::from_secs(1));
+    assert!(stayed < limits::UNREAD_WAIT_MAX + Duration::from_secs(5));
+    // The other end of one that reads nothing shows in the coordinator alone.
+    let deadline = Instant::now() + Duration::from_secs(5);
+    while sockets(&coordinator) > before {
+        assert!(Instant::now() < deadline, "the other is open");
+        tokio::time::sleep(Duration::from_millis(100)).await;
+    }
+    let answer = status(&url, &Credentials::default()).await;
+    assert_eq!(answer.expect("an answer"), 1);
+}
+
+/// How many sockets a process has open.
+fn sockets(process: &Process) -> usize {
+    let open = fs::read_dir(format!("/proc/{}/fd", process.id())).expect("it runs");
+    let links = open.filter_map(|entry| fs::read_link(entry.ok()?.path()).ok());
+    links
+        .filter(|link| link.to_string_lossy().starts_with("socket:"))
+        .count()
 }
