@@ -308,30 +308,76 @@ fn meshes_state_their_error() {
         .flat_map(|material| [(material, 5, 0.1), (material, 9, 0.02), (material, 12, 0.1)])
         .collect();
     cases.par_iter().for_each(|(material, view, relative)| {
-        const SIDE: u32 = 24;
-        let mut coarse = specification(bytes.clone(), SIDE);
-        coarse.accuracy.relative = *relative;
-        coarse.accuracy.absolute = 0.1 * relative;
-        coarse.integrator.samples_per_pixel = 32;
-        let mut fine = coarse.clone();
-        fine.accuracy.relative = 0.001;
-        fine.accuracy.absolute = 0.0001;
-        fine.integrator.samples_per_pixel = 512;
-        let [found, finer] =
-            [&coarse, &fine].map(|specification| render(specification, material, *view));
-        let pairs = found.film.pixels.iter().zip(&finer.film.pixels);
-        let outside = pairs.filter(|(found, finer)| {
-            let off = found.value.iter().zip(finer.value);
-            let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-            off > libm::hypot(found.error, finer.error)
-        });
-        let outside = outside.count();
+        let outside = share_beyond_stated(&bytes, material, *view, *relative);
         assert!(
-            outside * 100 <= (SIDE * SIDE) as usize * 4,
-            "R {} view {view}: {outside} pixels",
+            outside <= 0.04,
+            "R {} view {view}: {outside} of the pixels",
             material.roughness
         );
     });
+}
+
+/// The share of the pixels of a small image that differ by more than is stated from those of a much finer one.
+fn share_beyond_stated(mesh: &[u8], material: &Material, view: u32, relative: f64) -> f64 {
+    const SIDE: u32 = 24;
+    let mut coarse = specification(mesh.to_vec(), SIDE);
+    coarse.accuracy.relative = relative;
+    coarse.accuracy.absolute = 0.1 * relative;
+    coarse.integrator.samples_per_pixel = 32;
+    let mut fine = coarse.clone();
+    fine.accuracy.relative = 0.001;
+    fine.accuracy.absolute = 0.0001;
+    fine.integrator.samples_per_pixel = 512;
+    let [found, finer] =
+        [&coarse, &fine].map(|specification| render(specification, material, view));
+    let pairs = found.film.pixels.iter().zip(&finer.film.pixels);
+    let outside = pairs.filter(|(found, finer)| {
+        let off = found.value.iter().zip(finer.value);
+        let off = off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        off > libm::hypot(found.error, finer.error)
+    });
+    outside.count() as f64 / f64::from(SIDE * SIDE)
+}
+
+/// The mean normal, by area, of the triangles about a vertex.
+fn mean_normal(shape: &Shape, vertex: Vec3) -> Vec3 {
+    let corners = shape.triangles.iter();
+    let corners = corners.map(|triangle| triangle.map(|at| shape.positions[at as usize]));
+    let about = corners.filter(|corners| corners.contains(&vertex));
+    let areas = about.map(|[a, b, c]| (b - a).cross(c - a));
+    areas
+        .fold(Vec3::default(), |sum, area| sum + area)
+        .normalized()
+}
+
+/// The same of materials and views that nobody chose, on cloths of flat triangles and of smooth ones: 5 percent
+/// are allowed in all, and of one image, whose pixels share features, 8.
+#[test]
+#[ignore = "the fine images take minutes"]
+#[allow(clippy::print_stdout, reason = "it tells its figures")]
+fn drawn_materials_on_meshes_state_their_error() {
+    const IMAGES: u32 = 80;
+    let shape = shapes::cloth(60);
+    let meshes = [cloth(60), file(&shape, Some(&|at| mean_normal(&shape, at)))];
+    let preset = Specification::preset();
+    let shares: Vec<f64> = (0..IMAGES)
+        .into_par_iter()
+        .map(|number| {
+            let material = preset.material(1000 + number).material;
+            let (view, mesh) = (number * 5 % 14, &meshes[number as usize % 2]);
+            let relative = [0.02, 0.1][number as usize / 2 % 2];
+            let share = share_beyond_stated(mesh, &material, view, relative);
+            println!(
+                "{number} R {:.1} view {view} relative {relative}: {share:.4}",
+                material.roughness
+            );
+            share
+        })
+        .collect();
+    let mean = shares.iter().sum::<f64>() / f64::from(IMAGES);
+    println!("mean {mean:.4}");
+    assert!(mean <= 0.05, "{mean}");
+    assert!(shares.iter().all(|share| *share <= 0.08), "{shares:?}");
 }
 
 /// The x axis of the material follows the file's tangents, or else the texture coordinate u, also where that

@@ -47,9 +47,9 @@ impl Film {
             .filter(|pixel| pixel.error <= target(accuracy, pixel.value))
             .count();
         ErrorStatistics {
-            mean: errors.iter().sum::<f64>() / count as f64,
-            p95: errors[(count - 1) * 95 / 100],
-            max: errors[count - 1],
+            mean: stated(errors.iter().sum::<f64>() / count as f64),
+            p95: stated(errors[(count - 1) * 95 / 100]),
+            max: stated(errors[count - 1]),
             within_target: met as f64 / count as f64,
             samples,
             evaluations,
@@ -57,8 +57,47 @@ impl Film {
     }
 }
 
+/// An error as it is stated: one that is smaller than normal numbers, which not all readers of labels take, is
+/// raised to the least of these.
+fn stated(error: f64) -> f64 {
+    if error > 0.0 {
+        error.max(f64::MIN_POSITIVE)
+    } else {
+        error
+    }
+}
+
 /// The error that `accuracy` allows a pixel of this value.
 pub fn target(accuracy: &Accuracy, value: [f64; 3]) -> f64 {
     let largest = value[0].max(value[1]).max(value[2]);
     accuracy.absolute.max(accuracy.relative * largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readers of JSON refuse numbers that are smaller than normal ones, and with them all labels.
+    #[test]
+    fn no_stated_error_is_smaller_than_normal_numbers() {
+        let film = |error: f64| Film {
+            width: 2,
+            height: 1,
+            pixels: [0.0, error]
+                .map(|error| FilmPixel {
+                    error,
+                    ..FilmPixel::default()
+                })
+                .to_vec(),
+        };
+        let accuracy = Accuracy {
+            absolute: 1e-3,
+            relative: 1e-3,
+        };
+        let tiny = film(1.5e-315).statistics(&accuracy, 0, 0);
+        assert!([tiny.mean, tiny.max].iter().all(|error| error.is_normal()));
+        assert_eq!(tiny.p95, 0.0);
+        let zero = film(0.0).statistics(&accuracy, 0, 0);
+        assert_eq!([zero.mean, zero.p95, zero.max], [0.0; 3]);
+    }
 }
