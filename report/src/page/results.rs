@@ -368,7 +368,7 @@ pub fn shapes(report: &Report) -> Markup {
             square is worked out; on others a part of it is traced, by as many paths as the accuracy takes, \
             up to a limit. The last column says how many pixels state that they meet the accuracy."
         }
-        table {
+        table.tall {
             thead {
                 tr {
                     th.name { "Shape" } th.name { "View" } th { "Accuracy" } th { "Processor time" }
@@ -380,7 +380,7 @@ pub fn shapes(report: &Report) -> Markup {
                 @for one in &report.shapes {
                     tr {
                         td.name { (shapes::name(one.shape)) }
-                        td.name { (view_name(one.view)) }
+                        td.text { (view_name(one.view)) }
                         td { (exact(one.relative)) }
                         td { (seconds(one.cost.cpu_seconds)) }
                         td { (scientific(one.comparison.mean_relative_error)) }
