@@ -42,21 +42,69 @@ pub fn estimate(means: &[[f64; 3]; REPLICATES as usize], unseen: f64) -> FilmPix
     pixel
 }
 
+/// How many pixels away paths may have met light between folds that a pixel's own missed.
+const FOLDS_REACH: usize = 1;
+
 /// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths each
-/// was traced; one of 0 sees nothing, and so misses nothing.
-pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32]) {
-    let height = pixels.len() / width;
+/// was traced; one of 0 sees nothing, and so misses nothing. `mirrored` says the most that one path of each
+/// brought from one place of a mesh to another: what paths nearby met, n of its own did not meet with a
+/// probability below three nths.
+pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32], mirrored: &[f64]) {
     for index in (0..pixels.len()).filter(|&index| paths[index] > 0) {
-        let (column, row) = (index % width, index / width);
         let mut largest = 0.0f64;
-        for row in row.saturating_sub(1)..=(row + 1).min(height - 1) {
-            for column in column.saturating_sub(1)..=(column + 1).min(width - 1) {
-                let neighbour = pixels[row * width + column].value;
-                for (value, other) in pixels[index].value.into_iter().zip(neighbour) {
-                    largest = largest.max((value - other).abs());
-                }
+        for other in around(index, pixels.len(), width, 1) {
+            let values = pixels[index].value.into_iter().zip(pixels[other].value);
+            largest = values.fold(largest, |largest, (a, b)| largest.max((a - b).abs()));
+        }
+        let nearby = around(index, pixels.len(), width, FOLDS_REACH);
+        let brought = nearby.fold(0.0, |most: f64, other| most.max(mirrored[other]));
+        let unmet = UNSEEN * (brought - mirrored[index]);
+        pixels[index].error += (NEIGHBOUR_SHARE * largest + unmet) / f64::from(paths[index]);
+    }
+}
+
+/// The pixels of a film of `count` that are at most `reach` columns and rows from one of them, itself included.
+fn around(index: usize, count: usize, width: usize, reach: usize) -> impl Iterator<Item = usize> {
+    let (column, row) = (index % width, index / width);
+    let columns = column.saturating_sub(reach)..=(column + reach).min(width - 1);
+    let rows = row.saturating_sub(reach)..=(row + reach).min(count / width - 1);
+    rows.flat_map(move |row| columns.clone().map(move |column| row * width + column))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a path of one pixel brought from fold to fold, those about it may have missed, by their numbers of
+    /// paths; one that sees nothing misses nothing.
+    #[test]
+    fn light_between_folds_is_missed_about_where_it_is_met() {
+        let (width, height) = (5, 4);
+        let mut pixels = vec![FilmPixel::default(); width * height];
+        let mut paths = vec![64; width * height];
+        let mut mirrored = vec![0.0; width * height];
+        let at = |column: usize, row: usize| row * width + column;
+        mirrored[at(1, 1)] = 0.5;
+        mirrored[at(1, 2)] = 0.2;
+        paths[at(2, 2)] = 256;
+        paths[at(0, 0)] = 0;
+        add_unseen(&mut pixels, width, &paths, &mirrored);
+        for row in 0..height {
+            for column in 0..width {
+                let expected = match (column, row) {
+                    (0, 0) | (1, 1) => 0.0,
+                    (1, 2) => 3.0 * 0.3 / 64.0,
+                    (2, 2) => 3.0 * 0.5 / 256.0,
+                    (0..=2, 0..=2) => 3.0 * 0.5 / 64.0,
+                    (0..=2, 3) => 3.0 * 0.2 / 64.0,
+                    _ => 0.0,
+                };
+                let error = pixels[at(column, row)].error;
+                assert!(
+                    (error - expected).abs() < 1e-12,
+                    "({column}, {row}): {error}"
+                );
             }
         }
-        pixels[index].error += NEIGHBOUR_SHARE / f64::from(paths[index]) * largest;
     }
 }

@@ -76,6 +76,8 @@ pub struct Traced {
     pixels: Vec<FilmPixel>,
     /// By how many paths to each thing that it sees a pixel was traced; 0 for one that sees nothing.
     paths: Vec<u32>,
+    /// The most of the bulb's light that one of its paths brought from one place of a mesh to another.
+    mirrored: Vec<f64>,
 }
 
 impl Traced {
@@ -84,19 +86,20 @@ impl Traced {
         Self {
             pixels: vec![FilmPixel::default(); count],
             paths: vec![0; count],
+            mirrored: vec![0.0; count],
         }
     }
 
     /// The pixels, with what they may miss of features that their neighbours show.
     pub fn finished(mut self, width: usize) -> Vec<FilmPixel> {
-        interval::add_unseen(&mut self.pixels, width, &self.paths);
+        interval::add_unseen(&mut self.pixels, width, &self.paths, &self.mirrored);
         self.pixels
     }
 
     /// The same of a film that more is to be known of.
     pub fn so_far(&self, width: usize) -> Vec<FilmPixel> {
         let mut pixels = self.pixels.clone();
-        interval::add_unseen(&mut pixels, width, &self.paths);
+        interval::add_unseen(&mut pixels, width, &self.paths, &self.mirrored);
         pixels
     }
 }
@@ -113,20 +116,31 @@ pub fn trace(
 ) -> Spent {
     let lines = known.pixels.par_chunks_mut(picture.width);
     let lines = lines.zip(known.paths.par_chunks_mut(picture.width));
-    let of_lines = lines.zip(0..picture.height).map(|((pixels, seen), row)| {
+    let lines = lines.zip(known.mirrored.par_chunks_mut(picture.width));
+    let of_lines = lines.zip(0..picture.height);
+    let of_lines = of_lines.map(|(((pixels, seen), mirrored), row)| {
         let mut spent = Spent::default();
-        for ((pixel, seen), column) in pixels.iter_mut().zip(seen).zip(0..) {
+        let line = pixels.iter_mut().zip(seen).zip(mirrored);
+        for (((pixel, seen), mirrored), column) in line.zip(0..) {
             let paths = paths(row as usize * picture.width + column as usize);
             if paths > 0 {
-                let of_pixel;
-                (*pixel, of_pixel) = traced(tracer, picture, [column, row], first, paths);
-                *seen = if of_pixel.paths > 0 { paths } else { 0 };
-                spent = spent + of_pixel;
+                let of_pixel = traced(tracer, picture, [column, row], first, paths);
+                *pixel = of_pixel.film;
+                *mirrored = of_pixel.mirrored;
+                *seen = if of_pixel.spent.paths > 0 { paths } else { 0 };
+                spent = spent + of_pixel.spent;
             }
         }
         spent
     });
     of_lines.sum()
+}
+
+/// A pixel that was traced.
+struct TracedPixel {
+    film: FilmPixel,
+    mirrored: f64,
+    spent: Spent,
 }
 
 fn traced(
@@ -135,7 +149,7 @@ fn traced(
     [column, row]: [u32; 2],
     first: u32,
     paths: u32,
-) -> (FilmPixel, Spent) {
+) -> TracedPixel {
     let footprint = tracer.footprint(column, row);
     let mut means = [[0.0; 3]; REPLICATES as usize];
     let mut scratch = Scratch::default();
@@ -159,5 +173,9 @@ fn traced(
         paths: footprint.parts.len() as u64 * u64::from(paths),
         evaluations: scratch.evaluations,
     };
-    (film, spent)
+    TracedPixel {
+        film,
+        mirrored: scratch.mirrored,
+        spent,
+    }
 }
