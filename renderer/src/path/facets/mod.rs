@@ -16,13 +16,16 @@ use crate::scene::{Corners, Scene};
 use crate::vector::Vec3;
 use facet::{Facet, OnFilm};
 
-/// The most parts of triangles and entries of them into pixels, for each pixel and triangle there is. A mesh
-/// of long slivers that would need more is not told apart: everything may be everywhere.
-const WORK_MAX: u64 = 64;
+/// The most entries of triangles into pixels, for each pixel and triangle there is. A mesh of long slivers
+/// that would need more is not told apart: everything may be everywhere.
+const ENTRIES_MAX: u64 = 64;
 
-/// A triangle is divided no oftener than this, each time into so many parts.
+/// The most parts into which triangles are divided, for each pixel and triangle there is. A part takes about a
+/// microsecond. Once there are so many, triangles stay whole.
+const PARTS_MAX: u64 = 4;
+
+/// A triangle is divided no oftener than this.
 const DIVISIONS_MAX: u32 = 3;
-const PARTS: u64 = 4;
 
 /// Triangles of a pixel are kept in so many groups, by their brightness.
 const GROUPS: usize = 8;
@@ -49,6 +52,12 @@ struct Group {
     brightest: f32,
 }
 
+/// How much work may still be done.
+struct Left {
+    entries: u64,
+    parts: u64,
+}
+
 impl Facets {
     /// Those of a scene's mesh; `None` for other samples.
     pub fn new(scene: &Scene, reflectance: &Reflectance) -> Option<Self> {
@@ -59,8 +68,13 @@ impl Facets {
             pixels: Some(vec![Default::default(); width * height]),
             radiance: scene.bulb.radiance,
         };
-        let mut left = WORK_MAX * (width * height + mesh.traced().triangles().count()) as u64;
-        let facing = (0..mesh.traced().triangles().count())
+        let count = mesh.traced().triangles().count();
+        let size = (width * height + count) as u64;
+        let mut left = Left {
+            entries: ENTRIES_MAX * size,
+            parts: PARTS_MAX * size,
+        };
+        let facing = (0..count)
             .map(|triangle| mesh.corners(triangle))
             .filter(|corners| faces(corners, scene.camera.position));
         for corners in facing {
@@ -73,27 +87,25 @@ impl Facets {
     }
 
     /// Notes a triangle in the pixels that it may touch, in parts where that tells more. `None` where it may
-    /// be anywhere, or no work is left.
+    /// be anywhere, or no entries are left.
     fn note(
         &mut self,
         scene: &Scene,
         reflectance: &Reflectance,
         corners: Corners,
-        left: &mut u64,
+        left: &mut Left,
     ) -> Option<()> {
         let mut parts = vec![(corners, 0)];
         while let Some((corners, divisions)) = parts.pop() {
             let facet = Facet::new(scene, reflectance, &corners);
             let on_film = facet.on_film?;
-            if facet.is_loose && divisions < DIVISIONS_MAX {
-                parts.extend(corners.divided().map(|part| (part, divisions + 1)));
-                *left = left.saturating_sub(PARTS);
+            if facet.is_loose && divisions < DIVISIONS_MAX && left.parts > 0 {
+                let divided = corners.divided();
+                left.parts = left.parts.saturating_sub(divided.len() as u64);
+                parts.extend(divided.map(|part| (part, divisions + 1)));
             } else {
-                *left = left.saturating_sub(on_film.count() as u64);
+                left.entries = left.entries.checked_sub(on_film.count() as u64)?;
                 self.enter(&on_film, facet.brightest);
-            }
-            if *left == 0 {
-                return None;
             }
         }
         Some(())
@@ -266,6 +278,35 @@ pub(in crate::path) mod tests {
                     "column {column}, row {row}: {brightest} exceeds {most}"
                 );
             }
+        }
+    }
+
+    /// Of thousands of triangles that are each all over the film nothing is told apart, and no pixel claims to
+    /// know what it may miss.
+    #[test]
+    fn a_mesh_that_takes_too_many_entries_is_everywhere() {
+        const SIDE: u32 = 12;
+        const SHEETS: u32 = 5000;
+        let corners = [[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]];
+        let positions = (0..SHEETS)
+            .flat_map(|sheet| corners.map(|[x, y]: [f64; 2]| [x, y, 1e-4 * f64::from(sheet)]));
+        let triangles = (0..SHEETS).map(|sheet| [0, 1, 2].map(|corner| 3 * sheet + corner));
+        let (positions, triangles) = (positions.collect(), triangles.collect());
+        let mesh = mesh::Mesh::new(positions, triangles, None, None, None);
+        let mut specification = Specification::preset();
+        specification.sample.shape = Shape::Mesh;
+        specification.sample.side_m = 0.5;
+        let mesh = SampleMesh::of_bytes(mesh.expect("a mesh").to_ply());
+        specification.sample.mesh = Some(mesh.expect("a mesh"));
+        (specification.image.width, specification.image.height) = (SIDE, SIDE);
+        let scene = Scene::new(&specification, 12, BackendChoice::Native);
+        let scene = scene.expect("a view").expect("a scene");
+        let reflectance = Reflectance::new(&specification.material(0).material, 0.0, Tint::Hue);
+        let facets = Facets::new(&scene, &reflectance).expect("a mesh");
+        for (column, row) in (0..SIDE).flat_map(|row| (0..SIDE).map(move |column| (column, row))) {
+            assert!(facets.may_be_seen(column, row));
+            let unmet = facets.unmet(column, row, 300, 0.0);
+            assert!((unmet / scene.bulb.radiance - 0.01).abs() < 1e-9, "{unmet}");
         }
     }
 }
