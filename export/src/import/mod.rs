@@ -126,7 +126,8 @@ pub struct Imported {
 /// `source`.
 ///
 /// # Errors
-/// Where the mesh is not there or is another, before a store is made. At the first row or image that is wrong; what came in before stays, and the same call goes on.
+/// Where the mesh is not there or is another, before a store is made. At the first row or image that is
+/// wrong; what came in before stays, and the same call goes on.
 pub fn import(
     specification: &Specification,
     manifest: &Path,
