@@ -1,10 +1,9 @@
 //! A dataset whose sample is a mesh, from the run to the export, to strangers' loaders, and back.
 
-use crate::folder::files_below;
+use crate::killed::contents;
 use crate::readers::python;
 use crate::workplace::Workplace;
 use std::fs;
-use std::path::{Path, PathBuf};
 
 /// Small images of a small mesh, so that all of them take seconds. Some of the materials are so smooth that
 /// black images state next to no error: all readers have to take what they state.
@@ -63,15 +62,6 @@ fn refused(place: &Workplace, arguments: &str, code: i32) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-fn content(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let files = files_below(folder).into_iter();
-    let named = files.map(|path| {
-        let name = path.strip_prefix(folder).unwrap().to_owned();
-        (name, fs::read(&path).unwrap())
-    });
-    named.collect()
-}
-
 #[test]
 fn a_mesh_leaves_in_every_layout_is_read_by_strangers_and_comes_back() {
     let (place, mesh) = rendered();
@@ -110,7 +100,7 @@ fn a_mesh_leaves_in_every_layout_is_read_by_strangers_and_comes_back() {
             "dataset export again --layout {layout} --npy --png {PUBLICATION}"
         ));
         assert!(
-            content(&elsewhere.path().join("again")) == content(&out),
+            contents(&elsewhere.path().join("again")) == contents(&out),
             "{layout}"
         );
     }

@@ -1,5 +1,6 @@
 //! Datasets whose sample is a mesh: its file leaves with them and comes back, or nothing comes back.
 
+use crate::round_trip::options;
 use crate::{
     complete_store::{completion, make_store},
     mesh_specification::mesh_specification,
@@ -10,7 +11,6 @@ use dataset::{
 };
 use datastore::{ReadOnlyStore, Store};
 use export::{
-    card::Publication,
     import::{ImportError, Imported, Source, import, read_images},
     layout::{Layout, Options, export as export_layout},
     manifest::{
@@ -19,8 +19,6 @@ use export::{
         export,
         read::{ReadError, read, read_specification},
     },
-    product::Products,
-    selection::Selection,
 };
 use std::{
     collections::BTreeMap,
@@ -37,18 +35,6 @@ const LAYOUTS: [Layout; 4] = [
     Layout::WebDataset,
     Layout::HuggingFace,
 ];
-
-fn options(layout: Layout) -> Options {
-    Options {
-        layout,
-        selection: Selection::default(),
-        products: Products::default(),
-        shard_bytes: 100_000,
-        threads: 2,
-        publication: Publication::default(),
-        overwrite: false,
-    }
-}
 
 fn mesh_of(specification: &Specification) -> (String, Vec<u8>) {
     let mesh = specification.sample.mesh.as_ref().unwrap();

@@ -32,7 +32,8 @@ const LAYOUTS: [Layout; 3] = [
     Layout::HuggingFace,
 ];
 
-fn options(layout: Layout) -> Options {
+/// Shards have a few materials.
+pub fn options(layout: Layout) -> Options {
     Options {
         layout,
         selection: Selection::default(),

@@ -36,7 +36,9 @@ pub fn share_max(
     let diffuse = reflectance.rgb0.into_iter().fold(0.0, f64::max) * FRAC_1_PI;
     let of_specular = reflectance.specular_share;
     let most = of_specular * specular + (1.0 - of_specular) * diffuse;
-    area * most * solid_angle_max(surface, chart)
+    let share = area * most * solid_angle_max(surface, chart);
+    // On the chart there is no such number.
+    if share.is_nan() { f64::INFINITY } else { share }
 }
 
 /// At most the integral of the specular part times cos_i over the chart, were all of it as bright as the lobe's

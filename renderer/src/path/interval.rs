@@ -46,10 +46,10 @@ pub fn estimate(means: &[[f64; 3]; REPLICATES as usize], unseen: f64) -> FilmPix
 const FOLDS_REACH: usize = 1;
 
 /// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths each
-/// was traced; one of 0 sees nothing, and so misses nothing. `mirrored` says the most that one path of each
+/// was traced; one of 0 sees nothing, and so misses nothing. `interreflected` says the most that one path of each
 /// brought from one place of a mesh to another: what paths nearby met, n of its own did not meet with a
 /// probability below three nths.
-pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32], mirrored: &[f64]) {
+pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32], interreflected: &[f64]) {
     for index in (0..pixels.len()).filter(|&index| paths[index] > 0) {
         let mut largest = 0.0f64;
         for other in around(index, pixels.len(), width, 1) {
@@ -57,9 +57,10 @@ pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32], mirrore
             largest = values.fold(largest, |largest, (a, b)| largest.max((a - b).abs()));
         }
         let nearby = around(index, pixels.len(), width, FOLDS_REACH);
-        let brought = nearby.fold(0.0, |most: f64, other| most.max(mirrored[other]));
-        let unmet = UNSEEN * (brought - mirrored[index]);
-        pixels[index].error += (NEIGHBOUR_SHARE * largest + unmet) / f64::from(paths[index]);
+        let brought = nearby.fold(0.0, |most: f64, other| most.max(interreflected[other]));
+        let count = f64::from(paths[index]);
+        pixels[index].error += NEIGHBOUR_SHARE / count * largest;
+        pixels[index].error += UNSEEN / count * (brought - interreflected[index]);
     }
 }
 
@@ -82,13 +83,13 @@ mod tests {
         let (width, height) = (5, 4);
         let mut pixels = vec![FilmPixel::default(); width * height];
         let mut paths = vec![64; width * height];
-        let mut mirrored = vec![0.0; width * height];
+        let mut interreflected = vec![0.0; width * height];
         let at = |column: usize, row: usize| row * width + column;
-        mirrored[at(1, 1)] = 0.5;
-        mirrored[at(1, 2)] = 0.2;
+        interreflected[at(1, 1)] = 0.5;
+        interreflected[at(1, 2)] = 0.2;
         paths[at(2, 2)] = 256;
         paths[at(0, 0)] = 0;
-        add_unseen(&mut pixels, width, &paths, &mirrored);
+        add_unseen(&mut pixels, width, &paths, &interreflected);
         for row in 0..height {
             for column in 0..width {
                 let expected = match (column, row) {

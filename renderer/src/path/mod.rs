@@ -124,7 +124,7 @@ struct Scratch {
     /// The brightest light of the bulb that was met on a mesh, in any channel.
     brightest: f64,
     /// The most of the bulb's light that one path brought from one place of a mesh to another, in any channel.
-    mirrored: f64,
+    interreflected: f64,
 }
 
 /// What the paths of a footprint begin with.
@@ -317,7 +317,7 @@ impl<'a> Tracer<'a> {
                     scratch.brightest = direct.into_iter().fold(scratch.brightest, f64::max);
                 } else {
                     let brought = throughput.iter().zip(direct).map(|(a, b)| a * b);
-                    scratch.mirrored = brought.fold(scratch.mirrored, f64::max);
+                    scratch.interreflected = brought.fold(scratch.interreflected, f64::max);
                 }
             }
             accumulate(&mut sum, throughput, direct);

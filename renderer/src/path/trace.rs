@@ -77,7 +77,7 @@ pub struct Traced {
     /// By how many paths to each thing that it sees a pixel was traced; 0 for one that sees nothing.
     paths: Vec<u32>,
     /// The most of the bulb's light that one of its paths brought from one place of a mesh to another.
-    mirrored: Vec<f64>,
+    interreflected: Vec<f64>,
 }
 
 impl Traced {
@@ -86,20 +86,20 @@ impl Traced {
         Self {
             pixels: vec![FilmPixel::default(); count],
             paths: vec![0; count],
-            mirrored: vec![0.0; count],
+            interreflected: vec![0.0; count],
         }
     }
 
     /// The pixels, with what they may miss of features that their neighbours show.
     pub fn finished(mut self, width: usize) -> Vec<FilmPixel> {
-        interval::add_unseen(&mut self.pixels, width, &self.paths, &self.mirrored);
+        interval::add_unseen(&mut self.pixels, width, &self.paths, &self.interreflected);
         self.pixels
     }
 
     /// The same of a film that more is to be known of.
     pub fn so_far(&self, width: usize) -> Vec<FilmPixel> {
         let mut pixels = self.pixels.clone();
-        interval::add_unseen(&mut pixels, width, &self.paths, &self.mirrored);
+        interval::add_unseen(&mut pixels, width, &self.paths, &self.interreflected);
         pixels
     }
 }
@@ -116,17 +116,17 @@ pub fn trace(
 ) -> Spent {
     let lines = known.pixels.par_chunks_mut(picture.width);
     let lines = lines.zip(known.paths.par_chunks_mut(picture.width));
-    let lines = lines.zip(known.mirrored.par_chunks_mut(picture.width));
+    let lines = lines.zip(known.interreflected.par_chunks_mut(picture.width));
     let of_lines = lines.zip(0..picture.height);
-    let of_lines = of_lines.map(|(((pixels, seen), mirrored), row)| {
+    let of_lines = of_lines.map(|(((pixels, seen), interreflected), row)| {
         let mut spent = Spent::default();
-        let line = pixels.iter_mut().zip(seen).zip(mirrored);
-        for (((pixel, seen), mirrored), column) in line.zip(0..) {
+        let line = pixels.iter_mut().zip(seen).zip(interreflected);
+        for (((pixel, seen), interreflected), column) in line.zip(0..) {
             let paths = paths(row as usize * picture.width + column as usize);
             if paths > 0 {
                 let of_pixel = traced(tracer, picture, [column, row], first, paths);
                 *pixel = of_pixel.film;
-                *mirrored = of_pixel.mirrored;
+                *interreflected = of_pixel.interreflected;
                 *seen = if of_pixel.spent.paths > 0 { paths } else { 0 };
                 spent = spent + of_pixel.spent;
             }
@@ -139,7 +139,7 @@ pub fn trace(
 /// A pixel that was traced.
 struct TracedPixel {
     film: FilmPixel,
-    mirrored: f64,
+    interreflected: f64,
     spent: Spent,
 }
 
@@ -175,7 +175,7 @@ fn traced(
     };
     TracedPixel {
         film,
-        mirrored: scratch.mirrored,
+        interreflected: scratch.interreflected,
         spent,
     }
 }

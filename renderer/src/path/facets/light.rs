@@ -110,6 +110,10 @@ fn power(reflectance: &Reflectance, known: &Known) -> f64 {
     libm::exp(exponent * libm::log(libm::cos(least)))
 }
 
+/// The least sine of the angle between a normal and what the x axis is made of. Nearer to each other their
+/// rounding decides, and a frame may have another axis.
+const ACROSS_MIN: f64 = 1e-6;
+
 /// The least and the largest angle between the lobe's u axis and half vectors, seen along the normal and
 /// folded into the first quadrant; `None` where nothing is known.
 fn azimuth(reflectance: &Reflectance, known: &Known, half: Spread) -> Option<[f64; 2]> {
@@ -120,10 +124,48 @@ fn azimuth(reflectance: &Reflectance, known: &Known, half: Spread) -> Option<[f6
         return None;
     }
     let z = normal.axis;
-    let x = (along.axis - z * z.dot(along.axis)).normalized();
+    let across = along.axis - z * z.dot(along.axis);
+    if across.length() < ACROSS_MIN {
+        return None;
+    }
+    let x = across.normalized();
     let y = z.cross(x);
     let local = Vec3::new(x.dot(half.axis), y.dot(half.axis), 0.0);
     let local = reflectance.lobe.to_lobe(local);
     let middle = libm::atan2(local.y.abs(), local.x.abs());
     Some([(middle - turns).max(0.0), (middle + turns).min(FRAC_PI_2)])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::{Specification, specification::Tint};
+
+    /// Where tangents are along the normal, a frame has another x axis: the lobe may point anywhere.
+    #[test]
+    fn a_tangent_along_the_normal_says_nothing_of_the_lobe() {
+        let exactly = |x: f64, y: f64, z: f64| Spread {
+            axis: Vec3::new(x, y, z).normalized(),
+            angle: 0.0,
+        };
+        let mut material = Specification::preset().material(0).material;
+        (material.roughness, material.anisotropy) = (20.0, 0.9);
+        let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+        let light = |along: Option<Spread>| {
+            let known = Known {
+                to_eye: exactly(0.4, 0.1, 1.0),
+                to_centre: exactly(0.0, 0.2, 1.0),
+                to_bulb: exactly(0.0, 0.2, 1.0),
+                bulb_sine: 0.05,
+                normal: exactly(0.0, 0.0, 1.0),
+                along,
+            };
+            brightest(&reflectance, 100.0, &known)
+        };
+        let unknown = light(None);
+        for off in [0.0, 1e-12, 1e-9] {
+            assert_eq!(light(Some(exactly(off, 0.0, 1.0))), unknown, "{off}");
+        }
+        assert!(light(Some(exactly(1.0, 0.0, 0.0))) < 0.9 * unknown);
+    }
 }
