@@ -22,6 +22,7 @@ use std::fs;
 use std::net::TcpListener;
 use std::os::unix::fs::symlink;
 use std::path::Path;
+use std::sync::atomic::{AtomicU16, Ordering};
 
 /// Lines of the feature `training`.
 const TRAINING: [&str; 3] = [
@@ -116,13 +117,22 @@ fn is_of_training(line: &str) -> bool {
     TRAINING.iter().any(|command| line.starts_with(command))
 }
 
-/// A port that nobody listens at. The port 2,000 above it exists too: the operating manual serves
-/// metrics there.
+/// A port that nobody listens at, nor at the one 2,000 above it, where the operating manual serves
+/// metrics. Both lie below the ports that systems give to clients (from 32,768 on Linux, from 49,152
+/// elsewhere): a client of another test would take one of those before the manual listens at it.
 fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-    match listener.local_addr().unwrap().port() {
-        port @ ..=60_999 => port,
-        61_000.. => free_port(),
+    static NEXT: AtomicU16 = AtomicU16::new(0);
+    let first = 12_000 + std::process::id() as u16 % 8_000;
+    loop {
+        let port = first + NEXT.fetch_add(1, Ordering::Relaxed);
+        assert!(port < 30_000, "no port is free");
+        let pair = [port, port + 2_000];
+        if pair
+            .iter()
+            .all(|port| TcpListener::bind(("127.0.0.1", *port)).is_ok())
+        {
+            return port;
+        }
     }
 }
 

@@ -16,15 +16,26 @@ const HEAD: &str = r#"set -euo pipefail
 at=
 end() {
     code=$?
-    [ "$code" = 0 ] || echo "the statement at $at fails with $code"
+    if [ "$code" != 0 ]; then
+        echo "the statement at $at fails with $code"
+        tail -n 20 served-* 2>/dev/null || true
+    fi
     kill $(jobs -p) 2>/dev/null || true
     wait
 }
 trap end EXIT
-# Waits until the coordinators started last say that they listen: $1 of them, in the file $2.
+# Waits until the coordinators started since `before` was set say that they listen: $1 of them, in
+# the file $2. Each of them has to be alive.
 listening() {
+    started=
+    for process in $(jobs -p); do
+        case " $before " in
+            *" $process "*) ;;
+            *) started="$started $process" ;;
+        esac
+    done
     until [ "$(grep -c 'listening on' "$2")" = "$1" ]; do
-        kill -0 $!
+        for process in $started; do kill -0 "$process"; done
         sleep 0.05
     done
 }
@@ -65,7 +76,8 @@ impl Script {
             true => format!("{text} >{file} 2>&1"),
             false => format!("{text} >{file} 2>&1 &"),
         };
-        self.text += &format!("at={place}\n{command}\nlistening {coordinators} {file}\n");
+        self.text += &format!("at={place}\nbefore=$(echo $(jobs -p))\n{command}\n");
+        self.text += &format!("listening {coordinators} {file}\n");
     }
 }
 
