@@ -57,9 +57,12 @@ impl Brightness {
 
     /// The least of the pixels of a rectangle that lie inside an outline.
     pub fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
+        // Most tiles lie inside with all of their pixels.
+        let all_inside = outline.contains(&rectangle.rounded_out());
+        let inside = |(column, row)| all_inside || outline.contains(&Rectangle::pixel(column, row));
         let least = rectangle
             .pixels()
-            .filter(|&(column, row)| outline.contains(&Rectangle::pixel(column, row)))
+            .filter(|&pixel| inside(pixel))
             .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
             .fold(f64::INFINITY, f64::min);
         if least.is_finite() { least } else { 0.0 }

@@ -70,8 +70,6 @@ pub struct Demand<'a> {
     pub evaluations_max: u64,
     /// How fine the function is worked out.
     pub tolerance: Tolerance,
-    /// What the function may be off by besides.
-    pub function_error: FunctionError,
     /// How the error allowed is divided.
     pub shares: Shares,
 }

@@ -171,11 +171,14 @@ kernel! {
     ) {
         for (lines, sums) in lines.iter().zip(sums) {
             let mut parts = [[0.0; LANES]; PARTS];
-            for (part, lines) in parts.iter_mut().zip(lines.as_chunks::<TERMS>().0) {
-                for (line, row) in lines.iter().zip(rows) {
-                    for i in 0..LANES {
-                        part[i] += line[i] * row;
+            // Lanes outside: with lanes inside, the compiler makes vectors of the terms of a lane, which it gathers.
+            for i in 0..LANES {
+                for part in 0..PARTS {
+                    let mut sum = 0.0;
+                    for term in 0..TERMS {
+                        sum += lines[TERMS * part + term][i] * rows[term];
                     }
+                    parts[part][i] = sum;
                 }
             }
             for i in 0..LANES {

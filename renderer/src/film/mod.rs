@@ -6,6 +6,7 @@ pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 mod pixel;
 mod refine;
+mod tile_nodes;
 pub(crate) mod tiling;
 
 use dataset::{ErrorStatistics, specification::Accuracy};
@@ -39,17 +40,20 @@ impl Film {
         evaluations: u64,
     ) -> ErrorStatistics {
         let mut errors: Vec<f64> = self.pixels.iter().map(|pixel| pixel.error).collect();
-        errors.sort_unstable_by(f64::total_cmp);
         let count = errors.len();
+        let mean = errors.iter().sum::<f64>() / count as f64;
+        let at_95 = (count - 1) * 95 / 100;
+        let (_, p95, above) = errors.select_nth_unstable_by(at_95, f64::total_cmp);
+        let (p95, max) = (*p95, above.iter().fold(*p95, |max, error| max.max(*error)));
         let met = self
             .pixels
             .iter()
             .filter(|pixel| pixel.error <= target(accuracy, pixel.value))
             .count();
         ErrorStatistics {
-            mean: stated(errors.iter().sum::<f64>() / count as f64),
-            p95: stated(errors[(count - 1) * 95 / 100]),
-            max: stated(errors[count - 1]),
+            mean: stated(mean),
+            p95: stated(p95),
+            max: stated(max),
             within_target: met as f64 / count as f64,
             samples,
             evaluations,

@@ -9,14 +9,12 @@
 use super::canvas::{Brightness, Canvas};
 use super::demand::{Demand, FunctionError};
 use super::refine::{cut_out, refine, roots};
+use super::tile_nodes::{LINES, NodeValues, TERMS};
 use super::{pixel, target};
 use crate::numerics::channels::largest_difference;
-use crate::numerics::chebyshev::{Basis, Fit, Tile};
+use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
-
-/// Terms of the series along each side of a tile.
-const TERMS: usize = 8;
 
 /// Tiles that are worked out between two looks at the limit on evaluations.
 const TILES_A_LOOK: usize = 32;
@@ -76,6 +74,11 @@ pub trait Shade: Sync {
         3
     }
 
+    /// What the function may be off by on a part of a pixel that no rule shows.
+    fn function_error(&self, _cell: &Rectangle) -> FunctionError {
+        FunctionError::default()
+    }
+
     /// The error of the function at a film point that comes from the light given to it, and
     /// evaluations.
     fn light_error(
@@ -130,7 +133,7 @@ pub fn integrate<S: Shade>(
             match growth {
                 Growth::Nothing => {}
                 Growth::Tile(tile, error) => {
-                    add_tile(canvas, &tile, error, demand.function_error, regions);
+                    add_tile(canvas, &tile, error, shade, regions);
                 }
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {
@@ -198,6 +201,14 @@ impl Effort {
     }
 }
 
+/// A rectangle that may become a tile.
+struct Candidate<'a> {
+    rectangle: &'a Rectangle,
+    /// The least of what was on its pixels before.
+    before: f64,
+    effort: Effort,
+}
+
 /// The function with a thread's buffers, and what it took.
 struct Counted<'a, S: Shade> {
     shade: &'a S,
@@ -220,54 +231,6 @@ impl<S: Shade> Counted<'_, S> {
         let (error, evaluations) = self.shade.light_error(self.scratch, film_point, tolerance);
         self.spent += u64::from(evaluations);
         error
-    }
-}
-
-/// The function on a row and a column of a tile's nodes, where it is looked at first.
-struct Cross {
-    row: [[f64; 3]; TERMS],
-    column: [[f64; 3]; TERMS],
-}
-
-impl Cross {
-    /// The row and the column that cross.
-    const AT: usize = TERMS / 2;
-
-    fn of<S: Shade>(
-        function: &mut Counted<'_, S>,
-        nodes: &[[f64; 2]],
-        tolerance: Tolerance,
-    ) -> Self {
-        let mut at = |index: usize| function.at(nodes[index], tolerance);
-        let row: [_; TERMS] = std::array::from_fn(|i| at(Self::AT * TERMS + i));
-        let column = std::array::from_fn(|j| {
-            if j == Self::AT {
-                row[Self::AT]
-            } else {
-                at(j * TERMS + Self::AT)
-            }
-        });
-        Self { row, column }
-    }
-
-    /// The value at a node that it holds.
-    fn value(&self, index: usize) -> Option<[f64; 3]> {
-        let (j, i) = (index / TERMS, index % TERMS);
-        if j == Self::AT {
-            Some(self.row[i])
-        } else if i == Self::AT {
-            Some(self.column[j])
-        } else {
-            None
-        }
-    }
-
-    /// The least of the nodes' largest channels.
-    fn least(&self) -> f64 {
-        let values = self.row.iter().chain(&self.column);
-        values
-            .map(|[r, g, b]| r.max(*g).max(*b))
-            .fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -294,107 +257,184 @@ impl<S: Shade> Tiling<'_, S> {
         if self.outline.clipped(rectangle).is_empty() {
             return (Growth::Nothing, 0);
         }
-        let demand = self.demand;
         let mut function = Counted {
             shade: self.shade,
             scratch,
             spent: 0,
             points: 0,
         };
-        // What was added before counts: a pixel's target is for all of it.
-        let before = self.before.least(rectangle, self.outline);
-        let nodes: Vec<[f64; 2]> = self.basis.nodes(rectangle).collect();
-        let cross = Cross::of(&mut function, &nodes, demand.tolerance);
-        if effort != Effort::None {
-            let allowed = self.allowed(before + self.gain * cross.least(), effort);
-            let tails = self.basis.cross_tails(&cross.row, &cross.column);
-            let steep = usize::from(tails[1] > tails[0]);
-            if demand.shares.cross * tails[steep] > allowed
-                && let Some(axis) = axis_to_halve(rectangle, steep)
-            {
-                return (Growth::Halves(rectangle.halves(axis)), function.spent);
-            }
+        let candidate = Candidate {
+            rectangle,
+            // What was added before counts: a pixel's target is for all of it.
+            before: self.before.least(rectangle, self.outline),
+            effort,
+        };
+        let growth = self.work_out(&candidate, &mut function);
+        (growth, function.spent)
+    }
+
+    /// Works out a rectangle on which there is something of the outline.
+    fn work_out(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Growth {
+        let Candidate {
+            rectangle,
+            before,
+            effort,
+        } = *candidate;
+        let demand = self.demand;
+        let halves = |steep: usize| {
+            let axis = axis_to_halve(rectangle, steep)?;
+            Some(Growth::Halves(rectangle.halves(axis)))
+        };
+        let mut nodes = NodeValues::unknown(self.basis.nodes(rectangle).collect());
+        let steep = self.steep_cross(candidate, &mut nodes, function);
+        if let Some(halves) = steep.and_then(halves) {
+            return halves;
         }
-        let rule = self.rule(rectangle, before, effort, &mut function);
+        let rule = self.rule(candidate, function);
         let Rule {
             tolerance, missed, ..
         } = rule;
-        let values = nodes
-            .iter()
-            .enumerate()
-            .map(|(index, node)| match cross.value(index) {
-                Some(value) if !tolerance.is_finer_than(demand.tolerance) => value,
-                _ => function.at(*node, tolerance),
-            });
-        let (tile, fit) = self.basis.fit(*rectangle, values);
+        if tolerance.is_finer_than(demand.tolerance) {
+            nodes.forget();
+        }
+        let steep = self.steep_line(candidate, &mut nodes, &rule, function);
+        if let Some(halves) = steep.and_then(halves) {
+            return halves;
+        }
+        let values = nodes.all(|node| function.at(node, tolerance));
+        let (tile, fit) = self.basis.fit(*rectangle, values.into_iter().flatten());
         let allowed = self.allowed(before + self.gain * fit.least, effort);
-        let FitError { mean, point } = self.fit_error(&tile, &fit, &rule, &mut function);
-        if demand.shares.is_met(mean, rule.own, allowed) || effort == Effort::None {
+        let is_met = |fit_error: f64| {
+            effort == Effort::None || demand.shares.is_met(fit_error, rule.own, allowed)
+        };
+        if let Some(FitError { mean, point }) = self.fit_error(&tile, &fit, &rule, is_met, function)
+        {
             // Where the function is not resolved, what a series misses is no ripple from node to node.
             let is_resolved = mean <= RESOLVED * allowed;
             let fit_error = if is_resolved { mean } else { point };
-            let tile = Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
-            return (tile, function.spent);
+            return Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
         }
         let steep = usize::from(fit.tails[1] > fit.tails[0]);
-        if let Some(axis) = axis_to_halve(rectangle, steep) {
-            return (Growth::Halves(rectangle.halves(axis)), function.spent);
+        if let Some(halves) = halves(steep) {
+            return halves;
         }
         let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
         let brightest = mean[0].max(mean[1]).max(mean[2]);
         let allowed = self.allowed(before + self.gain * brightest, effort);
-        let parts = self.pixel(
+        let parts = self.pixel(rectangle, steep, [allowed, missed], tolerance, function);
+        Growth::Pixel(*rectangle, parts)
+    }
+
+    /// Along which axis a tile is steeper that the row and the column through its middle show to be too
+    /// coarse; `None` where they do not.
+    fn steep_cross(
+        &self,
+        candidate: &Candidate<'_>,
+        nodes: &mut NodeValues,
+        function: &mut Counted<'_, S>,
+    ) -> Option<usize> {
+        let demand = self.demand;
+        let cross = nodes.cross(|node| function.at(node, demand.tolerance));
+        let allowed = self.allowed(candidate.before + self.gain * nodes.least, candidate.effort);
+        let tails = cross.map(|line| self.basis.line_left_out(&line, [1.0; TAIL]));
+        let steep = usize::from(tails[1] > tails[0]);
+        let is_coarse =
+            candidate.effort != Effort::None && demand.shares.cross * tails[steep] > allowed;
+        is_coarse.then_some(steep)
+    }
+
+    /// Works lines of nodes out until one shows that the tile is too coarse, and returns along which axis;
+    /// `None` where none does. What a line leaves out of means along it is less than what the tile does.
+    fn steep_line(
+        &self,
+        candidate: &Candidate<'_>,
+        nodes: &mut NodeValues,
+        rule: &Rule,
+        function: &mut Counted<'_, S>,
+    ) -> Option<usize> {
+        let Candidate {
             rectangle,
-            steep,
-            [allowed, missed],
-            tolerance,
-            &mut function,
-        );
-        (Growth::Pixel(*rectangle, parts), function.spent)
+            before,
+            effort,
+        } = *candidate;
+        if effort == Effort::None {
+            return None;
+        }
+        let largest = [0, 1]
+            .map(|axis| largest_means::<TERMS>(rectangle, axis, &rectangle.pixel_edges(axis)));
+        let is_steep = |&line: &[usize; 2]| {
+            let values = nodes.line(line, |node| function.at(node, rule.tolerance));
+            let allowed = self.allowed(before + self.gain * nodes.least, effort);
+            let left_out = self.basis.line_left_out(&values, largest[line[0]]);
+            !self.demand.shares.is_met(left_out, rule.own, allowed)
+        };
+        LINES.iter().copied().find(is_steep).map(|[axis, _]| axis)
     }
 
     /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
-    /// between its nodes show.
+    /// between its nodes show. `None` as soon as that is not met.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
         fit: &Fit,
         rule: &Rule,
+        is_met: impl Fn(f64) -> bool,
         function: &mut Counted<'_, S>,
-    ) -> FitError {
+    ) -> Option<FitError> {
         let shares = &self.demand.shares;
         let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
         let left_out = tile.left_out_of_means(&columns, &rows);
+        let mut mean = left_out.max(shares.point * fit.error);
+        if !is_met(mean) {
+            return None;
+        }
+        let kept = shares.apart * tile.kept_in_means();
         let tolerance = rule.tolerance;
-        let off = |value: [f64; 3], at: [f64; 2]| largest_difference(value, tile.value(at));
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
         // there shows at the corners, and the start of a steep rise on the sides.
         let sides = ON_SIDES.map(|at| tile.rectangle.point(at));
-        let rim = tile.rectangle.corners().into_iter().chain(sides);
-        let mut apart = rim
-            .map(|at| off(function.at(at, tolerance), at))
-            .fold(0.0, f64::max);
-        // The rule was looked at in the middle. Elsewhere it may miss more.
-        let check = if tolerance.level() < self.shade.finest_level() {
-            tolerance.finer()
-        } else {
-            tolerance
-        };
-        let mut missed = 0.0f64;
-        for at in BETWEEN.map(|at| tile.rectangle.point(at)) {
+        let between = BETWEEN.map(|at| tile.rectangle.point(at));
+        let mut apart = 0.0f64;
+        let mut values = [[0.0; 3]; BETWEEN.len()];
+        for (at, value) in between.into_iter().zip(&mut values) {
+            *value = function.at(at, tolerance);
+            apart = apart.max(largest_difference(*value, tile.value(at)));
+        }
+        for at in tile.rectangle.corners().into_iter().chain(sides) {
+            if !is_met(kept * apart) {
+                return None;
+            }
             let value = function.at(at, tolerance);
-            apart = apart.max(off(value, at));
-            missed = missed.max(largest_difference(value, function.at(at, check)));
+            apart = apart.max(largest_difference(value, tile.value(at)));
         }
-        let missed = rule.times * missed;
-        let apart_in_mean = shares.apart * tile.kept_in_means() * apart;
-        FitError {
-            mean: left_out
-                .max(shares.point * fit.error)
-                .max(apart_in_mean)
-                .max(missed),
+        mean = mean.max(kept * apart);
+        if !is_met(mean) {
+            return None;
+        }
+        let missed = rule.times * self.missed_at(&between, &values, tolerance, function);
+        mean = mean.max(missed);
+        is_met(mean).then(|| FitError {
+            mean,
             point: fit.error.max(apart).max(missed),
+        })
+    }
+
+    /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
+    /// middle: elsewhere it may miss more.
+    fn missed_at(
+        &self,
+        points: &[[f64; 2]],
+        values: &[[f64; 3]],
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> f64 {
+        if tolerance.level() >= self.shade.finest_level() {
+            return 0.0;
         }
+        let off = |(at, value): (&[f64; 2], &[f64; 3])| {
+            largest_difference(*value, function.at(*at, tolerance.finer()))
+        };
+        points.iter().zip(values).map(off).fold(0.0, f64::max)
     }
 
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
@@ -415,20 +455,20 @@ impl<S: Shade> Tiling<'_, S> {
                 pixel::integrate(&covered, steep, allowed, points_max, |column, row| {
                     function.at([column, row], tolerance)
                 });
-            let function_error = self.demand.function_error.over(covered.area(), value);
+            let function_error = self.shade.function_error(rectangle);
+            let function_error = function_error.over(covered.area(), value);
             (value, error + missed * covered.area() + function_error)
         };
         self.regions.iter().map(integral).collect()
     }
 
     /// How fine the function has to be worked out on a rectangle, and what the rule then misses.
-    fn rule(
-        &self,
-        rectangle: &Rectangle,
-        before: f64,
-        effort: Effort,
-        function: &mut Counted<'_, S>,
-    ) -> Rule {
+    fn rule(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Rule {
+        let Candidate {
+            rectangle,
+            before,
+            effort,
+        } = *candidate;
         let middle = rectangle.point([0.0; 2]);
         let mut tolerance = self.demand.tolerance;
         let light_error = function.light_error(middle, tolerance);
@@ -504,7 +544,7 @@ fn add_tile(
     canvas: &mut Canvas<'_>,
     tile: &Tile<TERMS>,
     error: f64,
-    function_error: FunctionError,
+    shade: &impl Shade,
     regions: &[Region],
 ) {
     let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
@@ -524,7 +564,7 @@ fn add_tile(
             } else {
                 tile.integral_over(&region.outline.clipped(&cell))
             };
-            let error = error * area + function_error.over(area, value);
+            let error = error * area + shade.function_error(&cell).over(area, value);
             add_region(canvas, &cell, region, value, error);
         }
     }

@@ -1,12 +1,14 @@
 //! The colour chart that the camera sees: a closed form by the bulb, and a series by interreflection.
 
+use super::budget::interreflection::{HIGHER_SHARE, ORDER_1_SHARE};
 use super::budget::{TILING, reflected_chart};
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
-use crate::film::demand::Demand;
+use crate::film::demand::{Demand, FunctionError};
 use crate::film::tiling::{Region, Shade, integrate};
+use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 
 /// Adds the chart itself to the film.
@@ -37,13 +39,17 @@ pub fn add(
         feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        function_error,
         shares: TILING,
     };
+    // Within its share of the target it takes nothing from the tiles, on whatever part of the chart.
+    let share = ORDER_1_SHARE + HIGHER_SHARE;
+    let everywhere =
+        (function_error.absolute <= share * view.budget.chart.absolute).then_some(function_error);
     let shade = ChartItself {
         view,
         chart,
         interreflection,
+        everywhere,
     };
     integrate(canvas, &chart.outline, &regions, &demand, &shade);
 }
@@ -53,6 +59,28 @@ struct ChartItself<'a> {
     view: &'a View,
     chart: &'a ChartOnFilm,
     interreflection: &'a Interreflection,
+    /// What interreflection may be off by, where that needs no look at the part of the chart.
+    everywhere: Option<FunctionError>,
+}
+
+impl ChartItself<'_> {
+    /// The box on the chart around what a part of the film shows of it; `None` where that reaches beyond its
+    /// vanishing line.
+    fn on_chart(&self, cell: &Rectangle) -> Option<Rectangle> {
+        let mut around = Rectangle {
+            low: [f64::INFINITY; 2],
+            high: [f64::NEG_INFINITY; 2],
+        };
+        for [column, row] in cell.corners() {
+            let ray = self.view.camera.ray(column, row);
+            let at = self.chart.plane.intersect(ray.origin, ray.direction)?;
+            for (axis, at) in at.into_iter().enumerate() {
+                around.low[axis] = around.low[axis].min(at);
+                around.high[axis] = around.high[axis].max(at);
+            }
+        }
+        Some(around)
+    }
 }
 
 impl Shade for ChartItself<'_> {
@@ -68,5 +96,10 @@ impl Shade for ChartItself<'_> {
         let direct = self.view.bulb_on_chart(plane, at);
         let indirect = self.interreflection.on_chart(at);
         (indirect.map(|channel| channel + direct), 0)
+    }
+
+    fn function_error(&self, cell: &Rectangle) -> FunctionError {
+        self.everywhere
+            .unwrap_or_else(|| self.interreflection.function_error_on(self.on_chart(cell)))
     }
 }

@@ -2,7 +2,7 @@
 
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
-use crate::film::demand::{Demand, FunctionError};
+use crate::film::demand::Demand;
 use crate::film::tiling::{Region, Shade, integrate};
 use crate::film::{FilmPixel, target};
 use crate::numerics::polygon::{Polygon, Rectangle};
@@ -97,7 +97,6 @@ fn kinks_are_off_by_no_more_than_stated() {
             feature: None,
             evaluations_max: u64::MAX,
             tolerance: Tolerance::new(1e-5),
-            function_error: FunctionError::default(),
             shares: TILING,
         };
         integrate(&mut canvas, &outline, &[region], &demand, &ramps);

@@ -12,9 +12,11 @@ pub const FOUR: usize = 4;
 /// What fills the last block up is zeros or what [`Batch::push_of_four`] was given there.
 #[derive(Clone, Debug)]
 pub struct Batch<const N: usize> {
-    /// Each as long as whole blocks.
+    /// Each as long as whole blocks. Those beyond `begun` wait to be used again.
     columns: [Vec<f64>; N],
     count: usize,
+    /// As many numbers of each column have been written to, or filled with zeros.
+    begun: usize,
 }
 
 impl<const N: usize> Default for Batch<N> {
@@ -22,6 +24,7 @@ impl<const N: usize> Default for Batch<N> {
         Self {
             columns: std::array::from_fn(|_| Vec::new()),
             count: 0,
+            begun: 0,
         }
     }
 }
@@ -29,8 +32,7 @@ impl<const N: usize> Default for Batch<N> {
 impl<const N: usize> Batch<N> {
     /// Takes all points out.
     pub fn clear(&mut self) {
-        self.columns.iter_mut().for_each(Vec::clear);
-        self.count = 0;
+        (self.count, self.begun) = (0, 0);
     }
 
     /// Adds a point.
@@ -71,11 +73,15 @@ impl<const N: usize> Batch<N> {
 
     #[inline(always)]
     fn make_room(&mut self, points: usize) {
-        let length = self.columns.first().map_or(0, Vec::len);
-        if self.count + points > length {
+        if self.count + points > self.begun {
+            let end = self.begun + LANES;
             for column in &mut self.columns {
-                column.resize(length + LANES, 0.0);
+                if column.len() < end {
+                    column.resize(end, 0.0);
+                }
+                column[self.begun..][..LANES].fill(0.0);
             }
+            self.begun = end;
         }
     }
 }

@@ -5,7 +5,7 @@ use super::polygon::{Polygon, Rectangle};
 use std::f64::consts::PI;
 
 /// The last terms along a side, by which what the series leaves out is judged.
-const TAIL: usize = 2;
+pub const TAIL: usize = 2;
 
 /// What it leaves out is less than this share of them, as coefficients fall from term to term: the
 /// true error of 95 pixels in 100 stays below half of what this gives.
@@ -128,20 +128,18 @@ impl<const TERMS: usize> Basis<TERMS> {
         self.0.on(rectangle)
     }
 
-    /// What series through the values on one row and on one column of nodes leave out, along each:
-    /// part of what a fit of all nodes finds.
-    pub fn cross_tails(&self, row: &[[f64; 3]; TERMS], column: &[[f64; 3]; TERMS]) -> [f64; 2] {
-        [row, column].map(|line| {
-            let mut sums = [0.0; 3];
-            for transform in &self.0.transform[TERMS - TAIL..] {
-                let mut coefficient = [0.0; 3];
-                for (value, factor) in line.iter().zip(transform) {
-                    add_scaled(&mut coefficient, *value, *factor);
-                }
-                add_scaled(&mut sums, coefficient.map(f64::abs), LEFT_OUT);
+    /// What a series through the values on a row or a column of nodes leaves out, where its last
+    /// polynomials are as large as this: part of what a fit of all nodes finds.
+    pub fn line_left_out(&self, line: &[[f64; 3]; TERMS], sizes: [f64; TAIL]) -> f64 {
+        let mut sums = [0.0; 3];
+        for (transform, size) in self.0.transform[TERMS - TAIL..].iter().zip(sizes) {
+            let mut coefficient = [0.0; 3];
+            for (value, factor) in line.iter().zip(transform) {
+                add_scaled(&mut coefficient, *value, *factor);
             }
-            sums[0].max(sums[1]).max(sums[2])
-        })
+            add_scaled(&mut sums, coefficient.map(f64::abs), LEFT_OUT * size);
+        }
+        sums[0].max(sums[1]).max(sums[2])
     }
 
     /// Interpolates a function of these values at [`Basis::nodes`].
@@ -177,22 +175,19 @@ impl<const TERMS: usize> Basis<TERMS> {
     }
 }
 
-/// The integrals of a tile over all cells of a grid, worked out a column and a row at a time.
+/// The integrals of a tile over all cells of a grid, worked out a row and a column at a time.
 pub struct CellIntegrals<const TERMS: usize> {
-    /// For each column, the integral along it of each line of the series.
-    columns: Vec<[[f64; 3]; TERMS]>,
-    /// For each row, the integrals along it of the polynomials.
-    rows: Vec<[f64; TERMS]>,
+    /// For each row, the integral along it of the series of each polynomial along columns.
+    rows: Vec<[[f64; 3]; TERMS]>,
+    /// For each column, the integrals along it of the polynomials.
+    columns: Vec<[f64; TERMS]>,
     scale: f64,
 }
 
 impl<const TERMS: usize> CellIntegrals<TERMS> {
     /// The integral over the cell in a column and row of the grid: [`Tile::integral`], to the bit.
     pub fn at(&self, column: usize, row: usize) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for (partial, y) in self.columns[column].iter().zip(&self.rows[row]) {
-            add_scaled(&mut sum, *partial, *y);
-        }
+        let sum = contract_line(&self.rows[row], &self.columns[column]);
         sum.map(|value| self.scale * value)
     }
 }
@@ -212,13 +207,10 @@ impl<const TERMS: usize> Tile<TERMS> {
                 .map(|pair| std::array::from_fn(|i| pair[1][i] - pair[0][i]))
                 .collect()
         };
-        let columns = along(0, columns)
-            .iter()
-            .map(|x| self.coefficients.map(|line| contract_line(&line, x)))
-            .collect();
+        let rows = along(1, rows);
         CellIntegrals {
-            columns,
-            rows: along(1, rows),
+            rows: rows.iter().map(|y| self.contract_rows(y)).collect(),
+            columns: along(0, columns),
             scale: 0.25 * width * height,
         }
     }
@@ -227,18 +219,26 @@ impl<const TERMS: usize> Tile<TERMS> {
     /// inside the tile in rising order: at most, by the sizes of the last coefficients. Over cells as large as the
     /// tile it is far less than [`Fit::error`], because polynomials of high degree have small means.
     pub fn left_out_of_means(&self, columns: &[f64], rows: &[f64]) -> f64 {
-        let [columns, rows] = [self.means(0, columns), self.means(1, rows)];
+        let [columns, rows] = [(0, columns), (1, rows)]
+            .map(|(axis, edges)| means::<TERMS>(&self.rectangle, axis, edges));
+        let largest: [f64; TERMS] =
+            std::array::from_fn(|i| columns.iter().map(|x| x[i]).fold(0.0, f64::max));
         let mut most = 0.0f64;
         for y in &rows {
-            for x in &columns {
-                let mut sum = [0.0; 3];
-                for (j, line) in self.coefficients.iter().enumerate() {
-                    let first = if j >= TERMS - TAIL { 0 } else { TERMS - TAIL };
-                    for (i, coefficient) in line.iter().enumerate().skip(first) {
-                        add_scaled(&mut sum, coefficient.map(f64::abs), x[i] * y[j]);
-                    }
+            let mut lines = [[0.0; 3]; TERMS];
+            for (j, (line, y)) in self.coefficients.iter().zip(y).enumerate() {
+                let first = if j >= TERMS - TAIL { 0 } else { TERMS - TAIL };
+                for (sum, coefficient) in lines.iter_mut().zip(line).skip(first) {
+                    add_scaled(sum, coefficient.map(f64::abs), *y);
                 }
-                most = most.max(sum[0]).max(sum[1]).max(sum[2]);
+            }
+            let left_out = |x: &[f64; TERMS]| {
+                let [r, g, b] = contract_line(&lines, x);
+                r.max(g).max(b)
+            };
+            // Most rows need no look at their cells: none leaves out more than one with the largest means of all.
+            if left_out(&largest) > most {
+                most = columns.iter().map(left_out).fold(most, f64::max);
             }
         }
         LEFT_OUT * most
@@ -251,21 +251,6 @@ impl<const TERMS: usize> Tile<TERMS> {
         let gaps = |side: f64| (TERMS as f64 * (1.0 / side).min(1.0)).max(1.0);
         let [columns, rows] = self.rectangle.sides().map(gaps);
         1.0 / (columns * rows).sqrt()
-    }
-
-    /// How large the means of T_0, T_1, ... between neighbouring edges along an axis are.
-    fn means(&self, axis: usize, edges: &[f64]) -> Vec<[f64; TERMS]> {
-        let local: Vec<f64> = edges
-            .iter()
-            .map(|&edge| self.rectangle.local(axis, edge))
-            .collect();
-        local
-            .windows(2)
-            .map(|pair| {
-                let per_length = 1.0 / (pair[1] - pair[0]);
-                integrals(pair[0], pair[1]).map(|integral| (per_length * integral).abs())
-            })
-            .collect()
     }
 
     /// The integral over a rectangle inside the tile, in square pixels.
@@ -314,11 +299,20 @@ impl<const TERMS: usize> Tile<TERMS> {
     }
 
     fn contract(&self, x: &[f64; TERMS], y: &[f64; TERMS]) -> [f64; 3] {
-        let mut sum = [0.0; 3];
+        contract_line(&self.contract_rows(y), x)
+    }
+
+    /// The series along columns where the polynomials along rows have these values. The compiler makes
+    /// vectors of whole lines.
+    fn contract_rows(&self, y: &[f64; TERMS]) -> [[f64; 3]; TERMS] {
+        let mut sums = [[0.0; 3]; TERMS];
         for (line, y) in self.coefficients.iter().zip(y) {
-            add_scaled(&mut sum, contract_line(line, x), *y);
+            let values = line.as_flattened().iter();
+            for (sum, value) in sums.as_flattened_mut().iter_mut().zip(values) {
+                *sum += value * y;
+            }
         }
-        sum
+        sums
     }
 }
 
@@ -328,6 +322,37 @@ fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS])
         add_scaled(&mut sum, *coefficient, *x);
     }
     sum
+}
+
+/// How large the means of T_0, T_1, ... between neighbouring edges along an axis of a tile are.
+fn means<const TERMS: usize>(tile: &Rectangle, axis: usize, edges: &[f64]) -> Vec<[f64; TERMS]> {
+    // An edge is the end of one cell and the beginning of the next.
+    let local = edges.iter().map(|&edge| {
+        let at = tile.local(axis, edge);
+        (at, antiderivatives::<TERMS>(at))
+    });
+    let local: Vec<(f64, [f64; TERMS])> = local.collect();
+    let means = local.windows(2).map(|pair| {
+        let [(low, below), (high, above)] = [pair[0], pair[1]];
+        let per_length = 1.0 / (high - low);
+        std::array::from_fn(|i| (per_length * (above[i] - below[i])).abs())
+    });
+    means.collect()
+}
+
+/// How large means of the last polynomials of a tile between neighbouring edges along an axis are at most.
+pub fn largest_means<const TERMS: usize>(
+    tile: &Rectangle,
+    axis: usize,
+    edges: &[f64],
+) -> [f64; TAIL] {
+    let mut largest = [0.0f64; TAIL];
+    for mean in means::<TERMS>(tile, axis, edges) {
+        for (largest, mean) in largest.iter_mut().zip(&mean[TERMS - TAIL..]) {
+            *largest = largest.max(*mean);
+        }
+    }
+    largest
 }
 
 /// T_0, T_1, ... at x.

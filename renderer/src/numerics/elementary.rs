@@ -41,34 +41,59 @@ pub fn exp(x: f64) -> f64 {
 /// ln(1 + t) for t of 0 to 1e300.
 #[inline(always)]
 pub fn log1p(t: f64) -> f64 {
-    // 1 + t = m 2^k with m between sqrt(1/2) and sqrt(2).
-    const HALF_ROOT: u64 = 0x3fe6_a09e_667f_3bcd;
-    const ONE: u64 = 1.0f64.to_bits();
-    let u = 1.0 + t;
-    let bits = u.to_bits().wrapping_add(ONE - HALF_ROOT);
-    let m = f64::from_bits((bits & ((1 << 52) - 1)) + HALF_ROOT);
-    // The biased exponent fills the low bits of ROUND's successor of 2^52.
-    let k =
-        f64::from_bits((bits >> 52) | 0x4330_0000_0000_0000) - (4_503_599_627_370_496.0 + 1023.0);
-    // Of a small t no digit is lost in 1 + t.
-    let small = t < 0.4;
-    let numerator = if small { t } else { m - 1.0 };
-    let denominator = if small { 2.0 + t } else { m + 1.0 };
-    let k = if small { 0.0 } else { k };
-    // 2 artanh(s) by its series: s^2 < 0.0295.
-    let s = numerator / denominator;
-    let z = s * s;
-    let mut sum = 2.0 / 21.0;
-    sum = sum * z + 2.0 / 19.0;
-    sum = sum * z + 2.0 / 17.0;
-    sum = sum * z + 2.0 / 15.0;
-    sum = sum * z + 2.0 / 13.0;
-    sum = sum * z + 2.0 / 11.0;
-    sum = sum * z + 2.0 / 9.0;
-    sum = sum * z + 2.0 / 7.0;
-    sum = sum * z + 2.0 / 5.0;
-    sum = sum * z + 2.0 / 3.0;
-    k * LN_2_HIGH + (k * LN_2_LOW + (s * z * sum + 2.0 * s))
+    let Log1p { k, ratio: [n, d] } = Log1p::of(t);
+    Log1p::value(k, n / d)
+}
+
+/// ln(1 + t) as k ln 2 + 2 artanh(n / d), for callers that divide by other numbers at once.
+pub struct Log1p {
+    /// A whole number.
+    pub k: f64,
+    /// n and d; d is between 1.7 and 2.5.
+    pub ratio: [f64; 2],
+}
+
+impl Log1p {
+    /// For t of 0 to 1e300.
+    #[inline(always)]
+    pub fn of(t: f64) -> Self {
+        // 1 + t = m 2^k with m between sqrt(1/2) and sqrt(2).
+        const HALF_ROOT: u64 = 0x3fe6_a09e_667f_3bcd;
+        const ONE: u64 = 1.0f64.to_bits();
+        let u = 1.0 + t;
+        let bits = u.to_bits().wrapping_add(ONE - HALF_ROOT);
+        let m = f64::from_bits((bits & ((1 << 52) - 1)) + HALF_ROOT);
+        // The biased exponent fills the low bits of ROUND's successor of 2^52.
+        let k = f64::from_bits((bits >> 52) | 0x4330_0000_0000_0000)
+            - (4_503_599_627_370_496.0 + 1023.0);
+        // Of a small t no digit is lost in 1 + t.
+        let small = t < 0.4;
+        let numerator = if small { t } else { m - 1.0 };
+        let denominator = if small { 2.0 + t } else { m + 1.0 };
+        let k = if small { 0.0 } else { k };
+        Self {
+            k,
+            ratio: [numerator, denominator],
+        }
+    }
+
+    /// The logarithm, where n / d is `s`.
+    #[inline(always)]
+    pub fn value(k: f64, s: f64) -> f64 {
+        // 2 artanh(s) by its series: s^2 < 0.0295.
+        let z = s * s;
+        let mut sum = 2.0 / 21.0;
+        sum = sum * z + 2.0 / 19.0;
+        sum = sum * z + 2.0 / 17.0;
+        sum = sum * z + 2.0 / 15.0;
+        sum = sum * z + 2.0 / 13.0;
+        sum = sum * z + 2.0 / 11.0;
+        sum = sum * z + 2.0 / 9.0;
+        sum = sum * z + 2.0 / 7.0;
+        sum = sum * z + 2.0 / 5.0;
+        sum = sum * z + 2.0 / 3.0;
+        k * LN_2_HIGH + (k * LN_2_LOW + (s * z * sum + 2.0 * s))
+    }
 }
 
 /// The inverse of sinh, for |x| up to 1e150.

@@ -115,9 +115,15 @@ impl Tolerance {
     /// 3 to 11 digits and falls of 0.1 to 26; `more` for what multiplies it.
     #[inline(always)]
     pub fn points_for_fall(self, falls: [f64; 2], more: f64) -> usize {
+        self.points_for_fall_exactly(falls, more).ceil() as usize
+    }
+
+    /// The same before it is rounded up.
+    #[inline(always)]
+    pub fn points_for_fall_exactly(self, falls: [f64; 2], more: f64) -> f64 {
         let d = self.digits;
         let widths = falls[0].sqrt() + falls[1].sqrt();
-        (0.6 + 0.3 * d + (0.75 + 0.165 * d) * widths + more).ceil() as usize
+        0.6 + 0.3 * d + (0.75 + 0.165 * d) * widths + more
     }
 
     /// The `more` for the squared cosine by which a disc's chords end.
@@ -130,5 +136,34 @@ impl Tolerance {
     #[inline(always)]
     pub fn more_beside(self, length: f64) -> f64 {
         0.334 * self.digits * length
+    }
+}
+
+/// The least whole number that is not below a positive one. `f64::ceil` calls a function where the
+/// processor need not have the instruction.
+#[inline(always)]
+pub fn rounded_up(x: f64) -> usize {
+    let below = x as usize;
+    below.saturating_add(usize::from((below as f64) < x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::rounded_up;
+
+    #[test]
+    fn rounding_up_is_that_of_the_library() {
+        for x in [
+            0.0,
+            0.5,
+            1.0,
+            1.0 + f64::EPSILON,
+            2.0,
+            7.3,
+            1e18,
+            f64::INFINITY,
+        ] {
+            assert_eq!(rounded_up(x), x.ceil() as usize, "{x}");
+        }
     }
 }

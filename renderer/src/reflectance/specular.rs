@@ -19,16 +19,20 @@
 //! [`TintResponse`](super::TintResponse).
 
 use super::fresnel;
-use crate::numerics::elementary::{exp, log1p};
+use crate::numerics::elementary::{Log1p, exp};
 use crate::vector::Vec3;
 
 /// Minus the logarithm of the lobe's power, (1+t)^(-e/2): for a half vector whose components along the
 /// lobe's axes have these squares, up to a common factor, and whose t is `tangent2`.
 #[inline(always)]
 pub fn depth(exponents: [f64; 2], [u2, v2]: [f64; 2], tangent2: f64) -> f64 {
-    // At the normal the quotient is 0/0 and the product 0.
-    let exponent = (exponents[0] * u2 + exponents[1] * v2) / (u2 + v2 + f64::MIN_POSITIVE);
-    0.5 * exponent * log1p(tangent2)
+    let Log1p { k, ratio: [n, d] } = Log1p::of(tangent2);
+    // At the normal the quotient is 0/0 and the product 0. Divisions are what takes longest: one serves both
+    // quotients.
+    let across2 = u2 + v2 + f64::MIN_POSITIVE;
+    let inverse = 1.0 / (across2 * d);
+    let exponent = (exponents[0] * u2 + exponents[1] * v2) * (d * inverse);
+    0.5 * exponent * Log1p::value(k, n * (across2 * inverse))
 }
 
 /// `scale` times power cos_i / (|h| `larger`), for a half vector of any length whose components' squares
@@ -47,14 +51,26 @@ pub fn at_half_vector(
     scale * power * cos_i / ((tangential + z2).sqrt() * larger)
 }
 
-/// `scale` times power (1+t)^(-3/2) at slopes (p, q), the power times exp(`shift`).
+/// Farther out no slope's square counts.
+const TANGENT2_MAX: f64 = 1e100;
+
+/// The power (1+t)^(-3/2) at slopes (p, q), the power times exp(`shift`); and the cosine of the direction to
+/// the light for a viewer `wo` in the lobe's frame.
 #[inline(always)]
-pub fn at_slopes(scale: f64, exponents: [f64; 2], [p, q]: [f64; 2], shift: f64) -> f64 {
+pub fn at_slopes(exponents: [f64; 2], wo: &Vec3, [p, q]: [f64; 2], shift: f64) -> [f64; 2] {
     let (p2, q2) = (p * p, q * q);
     let t = p2 + q2;
-    let inverse = 1.0 / (1.0 + t);
-    let power = exp(shift - depth(exponents, [p2, q2], t));
-    scale * power * inverse * inverse.sqrt()
+    let t = if t < TANGENT2_MAX { t } else { TANGENT2_MAX };
+    let Log1p { k, ratio: [n, d] } = Log1p::of(t);
+    // As in `depth`, one division serves all quotients.
+    let (across2, length2) = (t + f64::MIN_POSITIVE, 1.0 + t);
+    let inverse = 1.0 / (across2 * (d * length2));
+    let exponent = (exponents[0] * p2 + exponents[1] * q2) * (d * length2 * inverse);
+    let depth = 0.5 * exponent * Log1p::value(k, n * (across2 * length2 * inverse));
+    let per_length2 = across2 * d * inverse;
+    let power = exp(shift - depth);
+    let cos_i = 2.0 * (wo.x * p + wo.y * q + wo.z) * per_length2 - wo.z;
+    [power * per_length2 * per_length2.sqrt(), cos_i]
 }
 
 /// The cosine of the direction to the light for slopes (p, q) and a viewer `wo` in the lobe's frame.
@@ -107,7 +123,9 @@ mod tests {
             let scale = 0.5 / PI * lobe.normalization * (wi.z / wo.z).min(1.0);
             let t = slopes[0] * slopes[0] + slopes[1] * slopes[1];
             let jacobian = 4.0 * along / ((1.0 + t) * (1.0 + t).sqrt());
-            let in_plane = at_slopes(scale, exponents, slopes, 0.0) / jacobian;
+            let [value, cosine] = at_slopes(exponents, &wo, slopes, 0.0);
+            prop_assert!((cosine - wi.z).abs() < 1e-12);
+            let in_plane = scale * value / jacobian;
 
             let expected = reflectance.evaluate(wi, wo);
             for channel in 0..3 {

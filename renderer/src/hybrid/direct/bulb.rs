@@ -12,13 +12,14 @@
 //! vectors that see the bulb, is an ellipse. The narrow axis of the lobe is integrated outside;
 //! the other order loses digits.
 
+use super::chords::{Angles, Chords, Depth, Disc, LEVELS, MORE_POINTS, Pieces, cut, part};
 use crate::hybrid::budget::direct::{
     BENDS_SHOW, BULK_WIDTHS, SEARCH_WIDTH, SMALL_BULB, STEEP_WIDTHS,
 };
-use crate::numerics::batch::{Batch, LANES, total};
+use crate::numerics::batch::{Batch, FOUR, LANES, total};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
-use crate::numerics::tolerance::Tolerance;
+use crate::numerics::tolerance::{Tolerance, rounded_up};
 use crate::reflectance::slope_plane::Slopes;
 use crate::reflectance::{Reflectance, TintResponse, fresnel, specular};
 use crate::vector::Vec3;
@@ -38,7 +39,7 @@ pub struct BulbView {
 impl BulbView {
     /// The middle of the half vectors that see the bulb, in slopes, and their half extents.
     pub fn slopes(&self) -> [[f64; 2]; 2] {
-        let disc = Disc::new(&Ellipse::new(self));
+        let disc = Ellipse::new(self).disc();
         [[disc.p, disc.q], [disc.radius, disc.height()]]
     }
 }
@@ -90,6 +91,21 @@ impl Ellipse {
         let root = (b * b + self.a22 * c).max(0.0).sqrt();
         [(b - root) / self.a22, (b + root) / self.a22]
     }
+
+    /// Its chords.
+    fn disc(&self) -> Disc {
+        let [middle, radius] = self.extent();
+        let [low, high] = self.chord(middle);
+        let [p, q] = self.centre;
+        Disc {
+            p: p + middle,
+            q: q + 0.5 * (low + high),
+            radius,
+            // Chords' midpoints lie on a line.
+            slant: -self.a12 / self.a22 * radius,
+            half_chord: 0.5 * (high - low),
+        }
+    }
 }
 
 /// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
@@ -132,12 +148,12 @@ kernel! {
             let mut terms = [[0.0; LANES]; 3];
             for i in 0..LANES {
                 let slopes = [p[i], q[i]];
-                let cos_i = specular::cos_i(&wo, slopes);
+                let [value, cos_i] = specular::at_slopes(exponents, &wo, slopes, shift[i]);
                 let shade = cos_i * per_viewer;
                 let shade = if shade < 1.0 { shade } else { 1.0 };
                 // A chord's end can lie on the horizon, and a rounding below it.
                 let shade = if shade > 0.0 { shade } else { 0.0 };
-                let value = specular::at_slopes(weight[i] * shade, exponents, slopes, shift[i]);
+                let value = weight[i] * shade * value;
                 let [fresnel, beyond] = specular::fresnel_moments(cos_i, ior, knee);
                 terms[0][i] = value;
                 terms[1][i] = value * fresnel;
@@ -194,10 +210,11 @@ pub fn specular(
         slopes,
         levels: [view.wo.z, first, second],
         tolerance,
+        instructions,
         batch,
         log: 0.0,
     };
-    cubature.fill(&Disc::new(&Ellipse::new(view)));
+    cubature.fill(&Ellipse::new(view).disc());
     let log = cubature.log;
     let exponents = [lobe.n_u, lobe.n_v];
     let (ior, knee) = (reflectance.ior, response.knee);
@@ -212,66 +229,19 @@ pub fn specular(
     (scaled, batch.count() as u32)
 }
 
-/// The ellipse by its centre, its half extent along p, and its chords across: at p + `radius` sin
-/// the chord runs over q + `slant` sin -/+ `half_chord` cos.
-struct Disc {
-    p: f64,
-    q: f64,
-    radius: f64,
-    slant: f64,
-    half_chord: f64,
-}
-
-impl Disc {
-    fn new(ellipse: &Ellipse) -> Self {
-        let [middle, radius] = ellipse.extent();
-        let [low, high] = ellipse.chord(middle);
-        let [p, q] = ellipse.centre;
-        Self {
-            p: p + middle,
-            q: q + 0.5 * (low + high),
-            radius,
-            // Chords' midpoints lie on a line.
-            slant: -ellipse.a12 / ellipse.a22 * radius,
-            half_chord: 0.5 * (high - low),
-        }
-    }
-
-    /// The half extent along q.
-    fn height(&self) -> f64 {
-        self.half_chord + self.slant.abs()
-    }
-}
-
 /// The logarithm that stands for no light.
 const DARK_LOG: f64 = -1e10;
-
-/// How many there are.
-const LEVELS: usize = 3;
-
-/// Points more for what multiplies the lobe: min(1, cos_i/cos_o), the tint and the Jacobian.
-const MORE_POINTS: f64 = 0.8;
 
 struct Cubature<'a> {
     slopes: Slopes<'a>,
     /// Cosines of the light's direction at which the integrand bends.
     levels: [f64; LEVELS],
     tolerance: Tolerance,
+    instructions: Instructions,
     batch: &'a mut SlopeBatch,
     /// Minus the lobe's least exponent on the bulb: the batch's weights are for the integrand
     /// divided by exp(`log`).
     log: f64,
-}
-
-/// Where the lobe's exponent, as a quadratic form, counts.
-#[derive(Clone, Copy)]
-struct Depth {
-    /// The angle of the chord that is nearest to the lobe's centre.
-    nearest: f64,
-    /// The exponent there: the least on the bulb.
-    least: f64,
-    /// What is above this is left out.
-    most: f64,
 }
 
 impl Cubature<'_> {
@@ -439,7 +409,6 @@ impl Cubature<'_> {
         depth: Depth,
         bends: bool,
     ) {
-        let lobe = self.slopes.lobe;
         let exponents = [low, high].map(|end| self.least_on_chord(disc, end).0);
         // The largest term lies inside, or at the end that is nearer.
         let least = if (low..=high).contains(&depth.nearest) {
@@ -458,20 +427,50 @@ impl Cubature<'_> {
         } else {
             points
         };
-        for (node, weight) in GaussRule::of(points).on(low, high) {
-            let (sin, cos) = libm::sincos(node);
-            let p = disc.p + disc.radius * sin;
-            let reach2 = (2.0 * depth.most - lobe.n_u * p * p) / lobe.n_v;
-            if reach2 <= 0.0 {
-                continue;
+        let rule = GaussRule::of(points);
+        let mut nodes = rule.on(low, high);
+        for first in (0..rule.size()).step_by(LANES) {
+            let count = LANES.min(rule.size() - first);
+            let mut angles = Angles::default();
+            for (lane, (node, weight)) in nodes.by_ref().take(count).enumerate() {
+                (angles.sin[lane], angles.cos[lane]) = libm::sincos(node);
+                angles.weight[lane] = weight;
             }
-            let reach = reach2.sqrt();
-            let middle = disc.q + disc.slant * sin;
-            let half = disc.half_chord * cos;
-            let (low, high) = ((middle - half).max(-reach), (middle + half).min(reach));
-            if low < high {
-                let scale = weight * disc.radius * cos;
-                self.add_chord(p, [low, high], scale, depth.least, bends);
+            self.add_block(disc, &angles, count, depth, bends);
+        }
+    }
+
+    /// The first `count` of some chords.
+    fn add_block(&mut self, disc: &Disc, angles: &Angles, count: usize, depth: Depth, bends: bool) {
+        let exponents = [self.slopes.lobe.n_u, self.slopes.lobe.n_v];
+        let chords = cut(
+            self.instructions,
+            angles,
+            disc,
+            exponents,
+            depth,
+            self.tolerance,
+        );
+        if !bends {
+            for lane in 0..count {
+                let ends = [chords.low[lane], chords.high[lane]];
+                self.add_piece(&chords, lane, ends, chords.points[lane]);
+            }
+            return;
+        }
+        let Pieces { ends, points } = part(
+            self.instructions,
+            &chords,
+            &self.slopes.wo,
+            &self.levels,
+            exponents,
+            depth.least,
+            self.tolerance,
+        );
+        for lane in 0..count {
+            for (piece, points) in points.iter().enumerate() {
+                let ends = [ends[piece][lane], ends[piece + 1][lane]];
+                self.add_piece(&chords, lane, ends, points[lane]);
             }
         }
     }
@@ -495,38 +494,18 @@ impl Cubature<'_> {
         }
     }
 
-    /// The chord at p, in pieces between which the integrand bends.
-    fn add_chord(&mut self, p: f64, [low, high]: [f64; 2], scale: f64, least: f64, bends: bool) {
-        if !bends {
-            self.add_piece(p, [low, high], scale, least);
-            return;
-        }
-        let mut ends = [high; 2 * LEVELS + 2];
-        ends[0] = low;
-        for (level, ends) in self.levels.iter().zip(ends[1..].chunks_exact_mut(2)) {
-            let crossings = self.slopes.crossings(p, *level);
-            ends.copy_from_slice(&crossings.map(|q| q.clamp(low, high)));
-        }
-        ends.sort_unstable_by(f64::total_cmp);
-        for pair in ends.windows(2) {
-            if pair[0] < pair[1] {
-                self.add_piece(p, [pair[0], pair[1]], scale, least);
+    /// A piece of a chord on which the integrand is smooth, with so many points, rounded up; nothing where it
+    /// has no length.
+    #[inline(always)]
+    fn add_piece(&mut self, chords: &Chords, lane: usize, [from, to]: [f64; 2], points: f64) {
+        if from < to {
+            let (p, scale, shift) = (chords.p[lane], chords.scale[lane], -self.log);
+            let rule = GaussRule::of(rounded_up(points));
+            for (q, weights, count) in rule.fours_on(from, to) {
+                let weights = weights.map(|weight| scale * weight);
+                self.batch
+                    .push_of_four([[p; FOUR], q, weights, [shift; FOUR]], count);
             }
-        }
-    }
-
-    /// A piece on which the integrand is smooth. Where it begins below the bulb's brightest point
-    /// it takes fewer digits.
-    fn add_piece(&mut self, p: f64, [from, to]: [f64; 2], scale: f64, least: f64) {
-        let lobe = self.slopes.lobe;
-        let near = 0f64.clamp(from, to);
-        let begin = 0.5 * (lobe.n_u * p * p + lobe.n_v * near * near);
-        let falls = [from, to].map(|end| 0.5 * lobe.n_v * (end - near).abs() * (end + near).abs());
-        let tolerance = self.tolerance.after_fall(begin - least);
-        let rule = GaussRule::of(tolerance.points_for_fall(falls, MORE_POINTS));
-        let shift = -self.log;
-        for (q, weight) in rule.on(from, to) {
-            self.batch.push([p, q, scale * weight, shift]);
         }
     }
 }

@@ -3,6 +3,7 @@
 mod bulb;
 mod bulb_light;
 mod bulb_on_film;
+mod chords;
 
 use super::budget::direct::{
     FINER_PIXELS_MAX, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
@@ -11,7 +12,7 @@ use super::budget::{LOG_TILING, TILING, tile_pixels};
 use super::view::View;
 use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
-use crate::film::demand::{Demand, FunctionError};
+use crate::film::demand::Demand;
 use crate::film::log_tiling;
 use crate::film::tiling::{self, Region};
 use crate::reflectance::Reflectance;
@@ -55,7 +56,6 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         feature: None,
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
-        function_error: FunctionError::default(),
         shares: TILING,
     };
     let regions = [Region {

@@ -31,7 +31,7 @@ impl<'a> Frame<'a> {
     /// The frame of a view, its chart and a material.
     pub fn new(view: &'a View, chart: &'a ChartOnFilm, reflectance: &Reflectance) -> Self {
         let half = view.sample_half;
-        let sample = SampleFrame::new(half, &reflectance.lobe);
+        let sample = SampleFrame::new(half, &reflectance.lobe, view.instructions);
         Self {
             view,
             chart,

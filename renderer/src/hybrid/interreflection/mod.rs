@@ -20,6 +20,7 @@ mod frame;
 mod higher;
 mod levels;
 mod order_1;
+mod ridge;
 mod sample_rule;
 mod sources;
 mod surface;
@@ -38,12 +39,13 @@ use bound::{Bounds, form_factor_max};
 use frame::{Frame, tile_position};
 use higher::Higher;
 use levels::{HIGHER_TERMS, ORDER_1_TERMS};
+use order_1::Order1;
 pub use unresolved::Unresolved;
 
 /// Irradiance over pi on the chart, in units of white, by light that was off the sample before.
 #[derive(Debug)]
 pub struct Interreflection {
-    order_1: Vec<Tile<ORDER_1_TERMS>>,
+    order_1: Order1,
     /// The orders from 2 on that a path of `max_bounces` hits takes, and one of a hit less.
     higher: Option<[Tile<HIGHER_TERMS>; 2]>,
     /// A bound of what the sum is off by.
@@ -67,7 +69,7 @@ impl Interreflection {
     ) -> Result<Self, Unresolved> {
         let frame = Frame::new(view, chart, reflectance);
         let mut found = Self {
-            order_1: Vec::new(),
+            order_1: Order1::default(),
             higher: None,
             error: 0.0,
             direct_least: frame.direct_least(&frame.bounds()),
@@ -94,10 +96,10 @@ impl Interreflection {
             found.error += bounds.order_1;
         } else {
             let order_1 = order_1::solve(&frame, once * ORDER_1_SHARE)?;
-            order_1_max = order_1.largest + order_1.error;
-            found.error += order_1.error;
+            order_1_max = order_1.largest + order_1.error();
+            found.error += order_1.error();
             found.evaluations += order_1.evaluations;
-            found.order_1 = order_1.tiles;
+            found.order_1 = order_1;
         }
         if view.bounces_max < 3 {
             return Ok(found);
@@ -140,6 +142,22 @@ impl Interreflection {
         }
     }
 
+    /// The same on a part of the chart, from (a, b) at its low corner to the high one; everywhere for `None`.
+    ///
+    /// What order 1 is off by stays where it is, but for what comes back in the orders above: of that the bound
+    /// is one for all of the chart.
+    pub(super) fn function_error_on(&self, part: Option<Rectangle>) -> FunctionError {
+        let less = part.map_or(0.0, |Rectangle { low, high }| {
+            let [low, high] = [low, high].map(|at| tile_position(at, self.gap));
+            self.order_1.error() - self.order_1.error_on(&Rectangle { low, high })
+        });
+        let error = self.error - less;
+        FunctionError {
+            absolute: error,
+            relative: error / self.direct_least,
+        }
+    }
+
     /// How far [`Interreflection::on_chart`] may be off.
     pub fn error(&self) -> f64 {
         self.error
@@ -177,7 +195,7 @@ impl Interreflection {
             let Rectangle { low, high } = tile.rectangle;
             (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
         };
-        let tile = self.order_1.iter().find(holds);
+        let tile = self.order_1.tiles.iter().find(holds);
         tile.map_or([0.0; 3], |tile| tile.value(at))
     }
 }

@@ -6,8 +6,8 @@ use super::sources::disc;
 use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
-    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
-    SLIVER, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
+    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, NEIGHBOURS_DOUBT, RINGS_MAX, RULE_SHARE,
+    SERIES_FIRST, SLIVER, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
@@ -15,13 +15,44 @@ use crate::numerics::polygon::Rectangle;
 use rayon::prelude::*;
 
 /// Order 1 on all of the chart.
+#[derive(Debug, Default)]
 pub struct Order1 {
     pub tiles: Vec<Tile<ORDER_1_TERMS>>,
-    /// A bound of what they are off by.
-    pub error: f64,
+    /// What each is off by, but for `everywhere`; the largest is a bound for all.
+    pub errors: Vec<f64>,
+    /// A bound of what any is off by besides.
+    pub everywhere: f64,
     /// The largest value at a node.
     pub largest: f64,
     pub evaluations: u64,
+}
+
+impl Order1 {
+    /// What the tiles are off by on a part of the chart.
+    ///
+    /// A rule is compared with a finer one at a few nodes of a tile. Where that shows little although the edge
+    /// of the lobe runs through the tile, it shows in a smaller tile beside it. So a tile's error counts as far
+    /// beyond it as the tile is long.
+    pub fn error_on(&self, part: &Rectangle) -> f64 {
+        let counts = |tile: &Tile<ORDER_1_TERMS>| {
+            let Rectangle { low, high } = tile.rectangle;
+            (0..2).all(|axis| {
+                let side = high[axis] - low[axis];
+                low[axis] - side <= part.high[axis] && part.low[axis] <= high[axis] + side
+            })
+        };
+        let all = self.tiles.iter().zip(&self.errors);
+        let counting = all
+            .filter(|(tile, _)| counts(tile))
+            .map(|(_, error)| *error);
+        let error = self.everywhere + NEIGHBOURS_DOUBT * counting.fold(0.0, f64::max);
+        error.min(self.error())
+    }
+
+    /// A bound of what all tiles are off by.
+    pub fn error(&self) -> f64 {
+        self.everywhere + self.errors.iter().copied().fold(0.0, f64::max)
+    }
 }
 
 /// Buffers of a thread.
@@ -74,7 +105,8 @@ fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1,
     let disc = disc(rings);
     let mut order_1 = Order1 {
         tiles: Vec::new(),
-        error: 0.0,
+        errors: Vec::new(),
+        everywhere: rings_missed,
         largest: 0.0,
         evaluations: 0,
     };
@@ -102,7 +134,7 @@ fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1,
                 open.extend(halves(from, &fitted));
                 continue;
             }
-            order_1.error = order_1.error.max(fitted.fit.error + fitted.missed);
+            order_1.errors.push(fitted.fit.error + fitted.missed);
             order_1.largest = order_1.largest.max(fitted.largest);
             missed = missed.max(fitted.missed);
             resolved &= fitted.resolved;
@@ -111,9 +143,8 @@ fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1,
     }
     let allowed = share * frame.tolerance(&frame.bounds());
     if !resolved || missed > (UNRESOLVED_SHARE * order_1.largest).max(allowed) {
-        order_1.error += unresolved_error(order_1.largest, missed)?;
+        order_1.everywhere += unresolved_error(order_1.largest, missed)?;
     }
-    order_1.error += rings_missed;
     Ok(order_1)
 }
 
@@ -291,5 +322,63 @@ fn value(
         light,
         evaluations: batch.count() as u64 * rule.along.rule.size() as u64,
         resolved: rule.resolved,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::PreparedView;
+    use crate::hybrid::budget::interreflection::ORDER_1_SHARE;
+    use crate::reflectance::Reflectance;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// Points of the chart that are looked at.
+    const POINTS: usize = 400;
+
+    /// A limit on work leaves some tiles of these far worse than others.
+    #[test]
+    fn a_part_of_the_chart_states_what_it_is_off_by() {
+        let specification = Specification::preset();
+        for (index, view) in [(608, 2), (416, 1), (608, 1)] {
+            let material = specification.material(index).material;
+            let scene = Scene::new(&specification, view, BackendChoice::Native)
+                .expect("a backend")
+                .expect("a scene");
+            let rotation = specification.views[view].rotation_deg;
+            let reflectance = Reflectance::new(&material, rotation, specification.tint);
+            let prepared = PreparedView::new(&scene, &specification).expect("a view for hybrid");
+            let chart = prepared.chart.as_ref().expect("a chart");
+            let frame = Frame::new(&prepared.view, chart, &reflectance);
+            let order_1 = solve(&frame, ORDER_1_SHARE).expect("light that rules resolve");
+            let disc = disc(RINGS_MAX);
+            let (mut better, mut off_by_more) = (0, 0);
+            for at in points(&frame.bounds()) {
+                let tile = order_1.tiles.iter().find(|tile| {
+                    let Rectangle { low, high } = tile.rectangle;
+                    (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
+                });
+                let exact = value(&frame, at, &disc, LEVEL_MAX + 1, &mut Scratch::default());
+                let off = largest_difference(tile.expect("a tile").value(at), exact.light);
+                let stated = order_1.error_on(&Rectangle { low: at, high: at });
+                better += usize::from(stated < 0.5 * order_1.error());
+                off_by_more += usize::from(off > stated);
+            }
+            assert!(better > POINTS / 8, "{index} {view}: {better}");
+            assert!(off_by_more <= POINTS / 100, "{index} {view}: {off_by_more}");
+        }
+    }
+
+    /// Points of a lattice that lie in no pattern of the tiles.
+    fn points(bounds: &Rectangle) -> impl Iterator<Item = [f64; 2]> {
+        let Rectangle { low, high } = *bounds;
+        (0..POINTS).map(move |step| {
+            [(0, 0.754_877_666), (1, 0.569_840_291)].map(|(axis, share)| {
+                let at: f64 = 0.5 + step as f64 * share;
+                low[axis] + (at - at.floor()) * (high[axis] - low[axis])
+            })
+        })
     }
 }

@@ -6,10 +6,12 @@
 //! left it: in between the integral along a line falls like an error function. [`super::transfer`]
 //! integrates along each line.
 
+use super::ridge::{Ridge, span_along};
 use super::transfer::{Along, Receiver};
 use crate::hybrid::budget::interreflection::{BESIDE_RIDGE_EXPONENT, ROTATED_FROM, TAIL_DIGITS};
-use crate::numerics::elementary::{asinh, exp, log1p};
+use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
+use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
@@ -31,32 +33,6 @@ const LINES_LIKELY: usize = 32;
 /// A right angle.
 const QUARTER: f64 = std::f64::consts::FRAC_PI_2;
 
-/// Steps of a side of the square among which the lobe's middle is looked for, and halvings.
-const STEPS: usize = 8;
-const HALVINGS: usize = 20;
-
-/// Finds where a function changes its sign between 0 and 1.
-fn crossings(function: impl Fn(f64) -> f64, mut found: impl FnMut(f64)) {
-    let at = |step: usize| step as f64 / STEPS as f64;
-    let mut before = function(0.0);
-    for step in 1..=STEPS {
-        let after = function(at(step));
-        if (before > 0.0) != (after > 0.0) {
-            let (mut low, mut high) = (at(step - 1), at(step));
-            for _ in 0..HALVINGS {
-                let middle = 0.5 * (low + high);
-                if (function(middle) > 0.0) == (before > 0.0) {
-                    low = middle;
-                } else {
-                    high = middle;
-                }
-            }
-            found(0.5 * (low + high));
-        }
-        before = after;
-    }
-}
-
 /// The sample and the frame (u, v, z) in which its lines run along u.
 #[derive(Clone, Copy, Debug)]
 pub struct SampleFrame {
@@ -67,6 +43,7 @@ pub struct SampleFrame {
     aligned: bool,
     n_u: f64,
     n_v: f64,
+    instructions: Instructions,
 }
 
 /// The lines for a receiver: v, weight, and the least and largest u of each; and the rule along
@@ -80,65 +57,9 @@ pub struct SampleRule {
     pub resolved: bool,
 }
 
-/// The middle of a lobe that is narrow along u, on the sample: the points whose half vector between a
-/// source and a receiver has no slope along u. Where it leaves the square, lines lose the lobe.
-struct Ridge {
-    receiver: Vec3,
-    source: Vec3,
-    n_u: f64,
-    /// How many widths of the lobe count on either side.
-    reach: f64,
-}
-
-impl Ridge {
-    /// How many widths of the lobe a point lies off it. Far out along its other axis the lobe is wider
-    /// along this one.
-    fn widths_off(&self, [u, v]: [f64; 2]) -> f64 {
-        let at = Vec3::new(u, v, 0.0);
-        let half = (self.receiver - at).normalized() + (self.source - at).normalized();
-        let [p, q] = [half.x / half.z, half.y / half.z];
-        let t = q * q + f64::MIN_POSITIVE;
-        p * (self.n_u * (log1p(t) / t)).sqrt()
-    }
-
-    /// Points along every line: v, its weight, and its least and largest u.
-    fn points_along(&self, lines: &[[f64; 4]], tolerance: Tolerance) -> usize {
-        let points = lines.iter().map(|&[v, _, low, high]| {
-            let widths = self.widths_off([high, v]) - self.widths_off([low, v]);
-            let [from, to] = span_along(self.receiver, [v, low, high]);
-            tolerance.points(widths.abs(), tolerance.more_beside(to - from))
-        });
-        points.fold(1, usize::max)
-    }
-
-    /// Over how many widths the ends of lines move from the first of them to the last, where the lobe
-    /// reaches; `None` if it reaches none of them.
-    fn widths_passed(&self, lines: [[f64; 3]; 3]) -> Option<f64> {
-        let off = lines.map(|[v, low, high]| [low, high].map(|u| self.widths_off([u, v])));
-        let beyond = |is_beyond: fn(f64, f64) -> bool| {
-            let mut ends = off.iter().flatten();
-            ends.all(|&off| is_beyond(off, self.reach))
-        };
-        if beyond(|off, reach| off > reach) || beyond(|off, reach| off < -reach) {
-            return None;
-        }
-        let off = off.map(|ends| ends.map(|off| off.clamp(-self.reach, self.reach)));
-        let passed = [0, 1].map(|end| (off[2][end] - off[0][end]).abs());
-        Some(passed[0].max(passed[1]))
-    }
-}
-
-/// The ends of a line from `low` to `high` in the variable t of [`super::transfer`].
-fn span_along(receiver: Vec3, [v, low, high]: [f64; 3]) -> [f64; 2] {
-    let nearest = receiver.x.clamp(low, high);
-    let (off, across) = (receiver.x - nearest, receiver.y - v);
-    let reach = (off * off + across * across + receiver.z * receiver.z).sqrt();
-    [low, high].map(|u| asinh((u - nearest) / reach))
-}
-
 impl SampleFrame {
     /// The frame for a lobe on a square of this half side.
-    pub fn new(half: f64, lobe: &Lobe) -> Self {
+    pub fn new(half: f64, lobe: &Lobe, instructions: Instructions) -> Self {
         let isotropic = lobe.n_u <= lobe.n_v;
         let rotated = lobe.n_u > ROTATED_FROM && !isotropic;
         let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
@@ -152,6 +73,7 @@ impl SampleFrame {
             aligned: rotated || isotropic,
             n_u: lobe.n_u,
             n_v: if rotated { lobe.n_v } else { lobe.n_u },
+            instructions,
         }
     }
 
@@ -184,6 +106,7 @@ impl SampleFrame {
             source,
             n_u: self.n_u,
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+            instructions: self.instructions,
         })
     }
 
@@ -281,7 +204,7 @@ impl SampleFrame {
         [v, _, low, high]: [f64; 4],
         tolerance: Tolerance,
     ) -> usize {
-        let span = span_along(receiver.position, [v, low, high]);
+        let span = span_along(&receiver.position, [v, low, high]);
         self.points(self.n_u, span, 0.0, tolerance)
     }
 
@@ -293,14 +216,7 @@ impl SampleFrame {
             .map(|(x, y)| [half * (x * cos + y * sin), half * (y * cos - x * sin)]);
         let mut ends: Vec<f64> = corners.iter().map(|&[_, v]| s_of(v)).collect();
         if let Some(ridge) = ridge {
-            for (index, from) in corners.iter().enumerate() {
-                let to = corners[(index + 1) % corners.len()];
-                let at = |t: f64| [0, 1].map(|axis| from[axis] + t * (to[axis] - from[axis]));
-                for off in [-ridge.reach, ridge.reach] {
-                    let value = |t: f64| ridge.widths_off(at(t)) - off;
-                    crossings(value, |t| ends.push(s_of(at(t)[1])));
-                }
-            }
+            ridge.crossings(&corners, |v| ends.push(s_of(v)));
         }
         ends.sort_unstable_by(f64::total_cmp);
         ends

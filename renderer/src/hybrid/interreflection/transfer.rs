@@ -85,18 +85,19 @@ impl Sources for Bulb {
         let inverse = 1.0 / distance2.sqrt();
         let (cx, cy, cz) = (cx * inverse, cy * inverse, cz * inverse);
         let sin2 = self.radius2 * inverse * inverse;
-        // Twice one minus the cosine of the half angle: the square of the map's radius.
-        let reach2 = 2.0 * sin2 / (1.0 + (1.0 - sin2).sqrt());
-        let reach = reach2.sqrt();
         // The x axis times the centre's direction.
         let [ex, ey] = self.x_axis;
         let (ax, ay, az) = (ey * cz, -ex * cz, ex * cy - ey * cx);
-        let scale = 1.0 / (ax * ax + ay * ay + az * az).sqrt();
-        let (ax, ay, az) = (ax * scale, ay * scale, az * scale);
         let (bx, by, bz) = (cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax);
+        let length2 = ax * ax + ay * ay + az * az;
+        let one_and_cos = 1.0 + (1.0 - sin2).sqrt();
+        // Divisions and roots are what takes longest: one of each serves the map and both axes' lengths.
+        let divided = 1.0 / (one_and_cos * length2);
+        // Twice one minus the cosine of the half angle: the square of the map's radius.
+        let reach2 = 2.0 * sin2 * (length2 * divided);
         let chord2 = reach2 * (x * x + y * y);
         let along = 1.0 - 0.5 * chord2;
-        let across = reach * (1.0 - 0.25 * chord2).sqrt();
+        let across = (reach2 * (1.0 - 0.25 * chord2) * (one_and_cos * divided)).sqrt();
         let (x, y) = (across * x, across * y);
         let radiance = self.radiance * share;
         Light {

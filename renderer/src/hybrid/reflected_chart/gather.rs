@@ -64,7 +64,13 @@ kernel! {
         for row in 0..plane.rows {
             let start = next;
             next = s_of(f64::from(row + 1) * plane.pitch);
-            for [from, to] in parts(start.max(low), next.min(high), &bends) {
+            let ends = [start.max(low), next.min(high)];
+            if ends[0] >= ends[1] {
+                continue;
+            }
+            let (inner, count) = sorted_between(ends, &bends);
+            let mut from = ends[0];
+            for to in inner[..count].iter().copied().chain([ends[1]]) {
                 let angle = gudermann(to) - gudermann(from);
                 let more = tolerance.more_beside(to - from);
                 let rule = GaussRule::of(tolerance.points(angle / window.width[1], more));
@@ -73,6 +79,7 @@ kernel! {
                     let weight = weight * line.cos_gamma;
                     gather_line(chart, position, &line, weight, window, tolerance, batch);
                 }
+                from = to;
             }
         }
     }
@@ -96,24 +103,31 @@ fn gather_line(
     let t_of = |along: f64| exp_asinh(along * per_reach);
     let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
     let (half_reach, per_pitch) = (0.5 * line.reach / plane.pitch, 1.0 / plane.pitch);
-    let mut next = t_of(along(0));
+    let ends = [
+        t_of(along(0)).max(low),
+        t_of(along(plane.columns)).min(high),
+    ];
+    if ends[0] >= ends[1] {
+        return;
+    }
+    let (bends, count) = sorted_between(ends, &line.bends);
+    let mut bends = bends[..count].iter().copied().peekable();
+    let up = chart.weights_up(line.row, line.height);
+    let per_width = 1.0 / window.width[0];
+    let mut from = Place::new(ends[0]);
     for column in 0..plane.columns {
-        let start = next;
-        next = t_of(along(column + 1));
-        let (from, to) = (start.max(low), next.min(high));
-        if from >= to {
+        let edge = t_of(along(column + 1)).min(high);
+        if edge <= from.t {
             continue;
         }
-        let colour = &chart.patches[chart.patch(column, line.row)];
-        let light = chart
-            .light_across(column, line.row, line.height)
-            .map(|node| std::array::from_fn(|channel| node[channel] * colour[channel]));
+        let light = chart.radiance_across(column, line.row, &up);
         let along = along(column) * per_pitch;
-        for [from, to] in parts(from, to, &line.bends) {
-            let more = tolerance.more_beside((to - from) / (from * to).sqrt());
-            let widths = (sine(to) - sine(from)) / window.width[0];
+        while from.t < edge {
+            let to = Place::new(bends.next_if(|bend| *bend < edge).unwrap_or(edge));
+            let more = tolerance.more_beside((to.t - from.t) / (from.root * to.root));
+            let widths = (to.sine - from.sine) * per_width;
             let rule = GaussRule::of(tolerance.points(widths, more));
-            for (t, weight_t, count) in rule.fours_on(from, to) {
+            for (t, weight_t, count) in rule.fours_on(from.t, to.t) {
                 let mut points = [[0.0; FOUR]; 6];
                 for i in 0..FOUR {
                     let t2 = t[i] * t[i];
@@ -130,8 +144,46 @@ fn gather_line(
                 }
                 batch.push_of_four(points, count);
             }
+            from = to;
         }
     }
+}
+
+/// A t, and what of it tells how many points an interval takes.
+#[derive(Clone, Copy)]
+struct Place {
+    t: f64,
+    root: f64,
+    sine: f64,
+}
+
+impl Place {
+    #[inline(always)]
+    fn new(t: f64) -> Self {
+        Self {
+            t,
+            root: t.sqrt(),
+            sine: sine(t),
+        }
+    }
+}
+
+/// The bends that lie between two ends, in ascending order, each once; and how many they are.
+#[inline(always)]
+fn sorted_between<const N: usize>([low, high]: [f64; 2], bends: &[f64; N]) -> ([f64; N], usize) {
+    let (mut sorted, mut count) = ([high; N], 0);
+    for &bend in bends {
+        if bend > low && bend < high {
+            let mut at = count;
+            while at > 0 && sorted[at - 1] > bend {
+                sorted[at] = sorted[at - 1];
+                at -= 1;
+            }
+            sorted[at] = bend;
+            count += 1;
+        }
+    }
+    (sorted, count)
 }
 
 /// Directions of one s in a row of patches.
@@ -230,24 +282,4 @@ fn t_at_sine(sine: f64) -> f64 {
 #[inline(always)]
 fn both_signs([a, b, c]: [f64; 3]) -> [f64; BENDS] {
     [a, b, c, -a, -b, -c]
-}
-
-/// The parts of an interval between the bends that lie in it; none of an empty one.
-#[inline(always)]
-fn parts<const N: usize>(
-    from: f64,
-    to: f64,
-    bends: &[f64; N],
-) -> impl Iterator<Item = [f64; 2]> + use<N> {
-    let (mut ends, mut count) = ([to; 2 * BENDS + 2], 1);
-    ends[0] = from;
-    for &bend in bends {
-        if bend > from && bend < to {
-            ends[count] = bend;
-            count += 1;
-        }
-    }
-    ends[1..count].sort_unstable_by(f64::total_cmp);
-    let count = if from < to { count } else { 0 };
-    (0..count).map(move |i| [ends[i], ends[i + 1]])
 }

@@ -21,12 +21,17 @@ pub struct LitChart {
     pub patches: Vec<[f64; 3]>,
     /// Irradiance over pi, in units of white, at the nodes of each patch.
     light: Vec<PatchLight>,
+    /// Radiance there.
+    radiance: Vec<[[f64; ACROSS]; UP_NODES]>,
     /// How heights are told.
     pub heights: Heights,
 }
 
 /// By node up, node across and channel.
 type PatchLight = [[[f64; 3]; ACROSS_NODES]; UP_NODES];
+
+/// Three channels at [`ACROSS_NODES`] points, and zeros that fill vectors up.
+const ACROSS: usize = 12;
 
 /// Equidistant points across a patch at which its light is known; a parabola goes through them.
 pub const ACROSS_NODES: usize = 3;
@@ -120,14 +125,25 @@ impl LitChart {
         plane.rows *= parts;
         let step = plane.pitch / (ACROSS_NODES - 1) as f64;
         let heights = Heights::new(&plane, gap);
-        let (mut patches, mut light) = (Vec::new(), Vec::new());
+        let (mut patches, mut light, mut radiance) = (Vec::new(), Vec::new(), Vec::new());
         for index in 0..(plane.columns * plane.rows) as usize {
             let [column, row] = plane.cell(index);
-            patches.push(chart.patches[chart.plane.patch(column / parts, row / parts)]);
+            let colour = chart.patches[chart.plane.patch(column / parts, row / parts)];
+            patches.push(colour);
             let a = f64::from(column) * plane.pitch;
-            light.push(UP.map(|up| {
+            let here: PatchLight = UP.map(|up| {
                 let b = heights.height(row, up);
                 std::array::from_fn(|i| irradiance([a + step * i as f64, b]))
+            });
+            light.push(here);
+            radiance.push(here.map(|across| {
+                let mut filled = [0.0; ACROSS];
+                for (node, light) in filled.chunks_exact_mut(3).zip(across) {
+                    for channel in 0..3 {
+                        node[channel] = light[channel] * colour[channel];
+                    }
+                }
+                filled
             }));
         }
         Self {
@@ -135,6 +151,7 @@ impl LitChart {
             parts,
             patches,
             light,
+            radiance,
             heights,
         }
     }
@@ -177,11 +194,36 @@ impl LitChart {
         self.plane.patch(column, row)
     }
 
+    /// The weights of the nodes up a row of patches, at a height in metres.
+    #[inline(always)]
+    pub fn weights_up(&self, row: u32, height: f64) -> [f64; UP_NODES] {
+        up_weights(self.heights.within(row, height))
+    }
+
+    /// The radiance of a patch at its points across, at the height of these weights.
+    #[inline(always)]
+    pub fn radiance_across(
+        &self,
+        column: u32,
+        row: u32,
+        weights: &[f64; UP_NODES],
+    ) -> [[f64; 3]; ACROSS_NODES] {
+        let radiance = &self.radiance[self.patch(column, row)];
+        let mut across = [0.0; ACROSS];
+        for (weight, radiance) in weights.iter().zip(radiance) {
+            for (sum, value) in across.iter_mut().zip(radiance) {
+                *sum += weight * value;
+            }
+        }
+        let [r0, g0, b0, r1, g1, b1, r2, g2, b2, ..] = across;
+        [[r0, g0, b0], [r1, g1, b1], [r2, g2, b2]]
+    }
+
     /// The irradiance over pi on a patch at a height in metres, at its points across.
     #[inline(always)]
     pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; ACROSS_NODES] {
         let light = &self.light[self.patch(column, row)];
-        let weights = up_weights(self.heights.within(row, height));
+        let weights = self.weights_up(row, height);
         let mut across = [[0.0; 3]; ACROSS_NODES];
         for up in 0..UP_NODES {
             for node in 0..ACROSS_NODES {

@@ -77,7 +77,6 @@ fn add_wide(
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        function_error,
         shares: TILING,
     };
     let shade = ChartOffWideLobe {
@@ -85,6 +84,7 @@ fn add_wide(
         chart,
         finer,
         reflectance,
+        function_error,
     };
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
@@ -109,7 +109,6 @@ fn add_glossy(
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
         tolerance: view.budget.glossy_rule,
-        function_error,
         shares: TILING,
     };
     let [chart, finer] =
@@ -119,6 +118,7 @@ fn add_glossy(
         chart: charts[0],
         finer: charts[1],
         reflectance,
+        function_error,
     };
     let shade = ChartOffGlossyLobe {
         chart: &chart,
@@ -235,6 +235,10 @@ impl Shade for ChartOffGlossyLobe<'_> {
         } else {
             glossy_budget::ORDERS - 1
         }
+    }
+
+    fn function_error(&self, cell: &Rectangle) -> FunctionError {
+        self.wide.function_error(cell)
     }
 
     fn light_error(

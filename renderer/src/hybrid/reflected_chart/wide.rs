@@ -4,11 +4,13 @@
 use super::gather::{self, LightBatch};
 use super::lit_chart::LitChart;
 use super::window::Window;
+use crate::film::demand::FunctionError;
 use crate::film::tiling::Shade;
 use crate::hybrid::view::View;
 use crate::numerics::batch::{LANES, total};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::instructions::{Instructions, kernel};
+use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::{Reflectance, fresnel, lobe::Lobe, specular};
 use crate::vector::Vec3;
@@ -21,6 +23,8 @@ pub struct ChartOffWideLobe<'a> {
     /// The same in smaller parts, which tells what its polynomials miss.
     pub finer: &'a LitChart,
     pub reflectance: &'a Reflectance,
+    /// What the light on the chart may be off by.
+    pub function_error: FunctionError,
 }
 
 impl Shade for ChartOffWideLobe<'_> {
@@ -33,6 +37,10 @@ impl Shade for ChartOffWideLobe<'_> {
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
         self.off(self.chart, scratch, film_point, tolerance)
+    }
+
+    fn function_error(&self, _cell: &Rectangle) -> FunctionError {
+        self.function_error
     }
 
     fn light_error(

@@ -59,13 +59,18 @@ pub fn sort(cuts: &mut Cuts) {
     }
     // A fixed order needs no branches.
     for last in 1..cuts.len() {
+        // The row is carried down past those that are larger.
+        let mut carried = cuts[last];
         for at in (0..last).rev() {
-            let [low, high] = [cuts[at], cuts[at + 1]];
+            let low = cuts[at];
+            let mut high = [0.0; LANES];
             for i in 0..LANES {
-                let (a, b) = (low[i], high[i]);
-                cuts[at][i] = if a < b { a } else { b };
-                cuts[at + 1][i] = if a < b { b } else { a };
+                let (a, b) = (low[i], carried[i]);
+                carried[i] = if a < b { a } else { b };
+                high[i] = if a < b { b } else { a };
             }
+            cuts[at + 1] = high;
         }
+        cuts[0] = carried;
     }
 }

@@ -6,12 +6,11 @@
 
 use super::conic::Quadratics;
 use super::lanes::{Cuts, Lanes, cell, patches, sort};
-use super::light_cells::{CHANNELS, NODES};
+use super::light_cells::{self, CHANNELS};
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::Point;
 use super::seen::{BEYOND, HIGH, LOW, PARTS, Seen};
 use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, SPAN_MIN};
-use crate::hybrid::reflected_chart::lit_chart::parabola_weights;
 use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::{ROUND, log1p};
 use crate::numerics::instructions::kernel;
@@ -352,23 +351,27 @@ impl<'a> Block<'a> {
         let exponents = [lobe.n_u, lobe.n_v];
         let per_viewer = 1.0 / wo.z;
         let (ior, knee) = (point.branches.ior, point.branches.knee);
+        let [mut width, mut scale] = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            width[i] = 1.0 / self.per_width[i];
+            scale[i] = weight[i] * width[i];
+        }
         for k in 0..N {
             let [mut p, mut density] = [[0.0; LANES]; 2];
             for i in 0..LANES {
                 let z = middle[i] + unit[i] * order.nodes[k];
-                p[i] = z / self.per_width[i];
+                p[i] = z * width[i];
                 density[i] = 0.5 * z * z;
             }
             let light = self.light(point, &p, seen);
             let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
             for i in 0..LANES {
-                let at = [p[i], self.q[i]];
-                let cos_i = specular::cos_i(&wo, at);
+                // The density's own fall is in the moments.
+                let [lobe, cos_i] =
+                    specular::at_slopes(exponents, &wo, [p[i], self.q[i]], density[i]);
+                let lobe = scale[i] * lobe;
                 // Points that a piece is told by can lie beyond it, and below the horizon.
                 let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
-                // The density's own fall is in the moments.
-                let scale = weight[i] / self.per_width[i];
-                let lobe = specular::at_slopes(scale, exponents, at, density[i]);
                 let fresnel = fresnel::reflectance(cos_i, ior);
                 value[i] = lobe * fresnel;
                 beyond[i] = lobe * (fresnel - knee);
@@ -397,9 +400,13 @@ impl<'a> Block<'a> {
     fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
         let depth = self.depth.values(p);
         let mut positions = [0, 1].map(|axis| self.positions[axis].values(p));
+        let mut per_depth = [0.0; LANES];
+        for i in 0..LANES {
+            per_depth[i] = 1.0 / depth[i];
+        }
         for axis in 0..2 {
             for i in 0..LANES {
-                let at = positions[axis][i] / depth[i];
+                let at = positions[axis][i] * per_depth[i];
                 positions[axis][i] = if depth[i] > 0.0 {
                     at
                 } else {
@@ -416,35 +423,21 @@ impl<'a> Block<'a> {
             positions[1][i] = log1p(up * light.pitch_per_gap) * light.per_log;
         }
         let mut cells = [0; LANES];
-        let mut weights = [[[0.0; LANES]; NODES]; 2];
+        let mut within = [[0.0; LANES]; 2];
         for i in 0..LANES {
             let [column, row] = [0, 1].map(|axis| cell(positions[axis][i], counts[axis]));
             cells[i] = (row * counts[0] + column + ROUND).to_bits();
             for (axis, low) in [column, row].into_iter().enumerate() {
-                let within = positions[axis][i] - low;
-                let within = if within > -1.0 { within } else { -1.0 };
-                let within = if within < 2.0 { within } else { 2.0 };
-                let [a, b, c] = parabola_weights(within);
-                weights[axis][0][i] = a;
-                weights[axis][1][i] = b;
-                weights[axis][2][i] = c;
+                let at = positions[axis][i] - low;
+                let at = if at > -1.0 { at } else { -1.0 };
+                within[axis][i] = if at < 2.0 { at } else { 2.0 };
             }
         }
         let cells = cells.map(|bits| (bits - ROUND.to_bits()) as usize);
         // Four channels of a line are a vector.
         let mut by_line = [[0.0; CHANNELS]; LANES];
         for i in 0..LANES {
-            let cell = &light.cells[cells[i]];
-            let [a, b, c] = [weights[0][0][i], weights[0][1][i], weights[0][2][i]];
-            let mut sum = [0.0; CHANNELS];
-            for (up, [left, middle, right]) in cell.iter().enumerate() {
-                let weight = weights[1][up][i];
-                for channel in 0..CHANNELS {
-                    let across = a * left[channel] + b * middle[channel] + c * right[channel];
-                    sum[channel] += weight * across;
-                }
-            }
-            by_line[i] = sum;
+            by_line[i] = light_cells::value(&light.cells[cells[i]], [within[0][i], within[1][i]]);
         }
         let mut light = [[0.0; LANES]; 3];
         for channel in 0..3 {

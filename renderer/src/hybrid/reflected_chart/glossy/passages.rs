@@ -141,13 +141,17 @@ impl Point<'_> {
             .branches
             .levels()
             .flat_map(|level| level.on_axis().zeros());
-        let corners = self.glossy.corners.iter().filter_map(|corner| {
+        ends.extend(levels.filter(|&q| q > low && q < high).map(End::kink));
+        // The lobe is nowhere wider than at the farther end: most corners are out of reach even of that.
+        let farthest = reach / self.widths_per_slope(high.max(-low));
+        for corner in &self.glossy.corners {
             let half = self.wo + (*corner - self.position).normalized();
             let [p, q] = [half.x / half.z, half.y / half.z];
-            (p.abs() * self.widths_per_slope(q) < reach).then_some(q)
-        });
-        let kinks = levels.chain(corners).filter(|&q| q > low && q < high);
-        ends.extend(kinks.map(End::kink));
+            let may_show = q > low && q < high && p.abs() <= farthest;
+            if may_show && p.abs() * self.widths_per_slope(q) < reach {
+                ends.push(End::kink(q));
+            }
+        }
     }
 
     /// Takes passages for steps where that misses little and no line beside them lies in them. Leaves to

@@ -54,24 +54,32 @@ impl<const N: usize> Seen<N> {
     /// Takes the moments about `middle`, in units of `unit`.
     #[inline(always)]
     pub fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
+        let mut scales = [[1.0; LANES]; N];
+        for i in 0..LANES {
+            let per_unit = 1.0 / unit[i];
+            for k in 1..N {
+                scales[k][i] = scales[k - 1][i] * per_unit;
+            }
+        }
         for (moments, used) in self.moments.iter_mut().zip(self.used) {
             if !used {
                 continue;
             }
             for moments in moments {
-                // The binomial theorem, a factor at a time.
-                for first in 1..N {
-                    for k in (first..N).rev() {
-                        for i in 0..LANES {
-                            moments[k][i] -= middle[i] * moments[k - 1][i];
+                // Lanes outside: with lanes inside, the compiler makes vectors of the moments of a lane, which it
+                // gathers and scatters.
+                for i in 0..LANES {
+                    let mut of_lane: [f64; N] = std::array::from_fn(|k| moments[k][i]);
+                    // The binomial theorem, a factor at a time.
+                    for first in 1..N {
+                        for k in (1..N).rev() {
+                            if k >= first {
+                                of_lane[k] -= middle[i] * of_lane[k - 1];
+                            }
                         }
                     }
-                }
-                let mut scale = [1.0; LANES];
-                for moments in &mut moments[1..] {
-                    for i in 0..LANES {
-                        scale[i] /= unit[i];
-                        moments[i] *= scale[i];
+                    for k in 0..N {
+                        moments[k][i] = of_lane[k] * scales[k][i];
                     }
                 }
             }
