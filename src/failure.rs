@@ -1,6 +1,7 @@
 //! What a failure tells the shell.
 
 use crate::shutdown::{self, Stopped};
+use crate::standard_error::report;
 use coordinator::CoordinatorError;
 use dataset::{IndexListError, SpecificationError};
 use datastore::shared::DatabaseError;
@@ -10,7 +11,7 @@ use export::diff::DiffError;
 use export::import::ImportError;
 use migrate::MigrationError;
 use std::error::Error;
-use std::io::{self, Write};
+use std::io;
 use std::process::ExitCode;
 use worker::WorkerError;
 
@@ -45,12 +46,6 @@ pub fn exit_code(outcome: anyhow::Result<()>) -> ExitCode {
     } else {
         ExitCode::FAILURE
     }
-}
-
-/// Says on standard error why the command fails.
-pub fn report(message: &str) {
-    // Standard error may be gone too; there is nobody left to tell.
-    let _ = writeln!(io::stderr(), "error: {message}");
 }
 
 /// The error with its causes, less those that the errors above them have told already.

@@ -30,6 +30,7 @@ mod run;
 mod runtime;
 mod shutdown;
 mod specification;
+mod standard_error;
 mod status;
 mod store_migrate;
 mod store_name;

@@ -1,6 +1,6 @@
 //! Being asked to stop: SIGINT (Ctrl-C) or SIGTERM.
 
-use crate::failure;
+use crate::standard_error;
 use std::{
     io::{self, Write},
     process,
@@ -59,7 +59,7 @@ pub fn flag(first: &'static str) -> io::Result<watch::Receiver<bool>> {
             let by = u8::try_from(by.as_raw_value()).unwrap_or_default();
             let unasked = ASKED_BY.compare_exchange(0, by, Ordering::Relaxed, Ordering::Relaxed);
             if unasked.is_err() || asked.is_closed() {
-                failure::report("stopped at once");
+                standard_error::report("stopped at once");
                 process::exit(exit_code().into());
             }
             // Standard error may be gone; there is nobody left to tell.

@@ -22,6 +22,7 @@ mod image_label;
 mod index_list;
 pub mod keystream;
 pub mod manifest;
+mod masks;
 mod material;
 mod mesh_on_film;
 mod pixel_statistics;

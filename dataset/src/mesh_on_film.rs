@@ -1,76 +1,35 @@
 //! Which pixels of a film see a mesh from its front.
 
-use crate::{Specification, specification::LoadedMesh, view::ViewGeometry};
-use std::{
-    collections::VecDeque,
-    fmt,
-    sync::{Arc, Mutex, PoisonError},
+use crate::{
+    Specification,
+    masks::{Mask, MaskedFilm},
+    specification::LoadedMesh,
+    view::ViewGeometry,
 };
 
-/// The most masks that a mesh remembers: those of the views of a set.
-const MASKS_MAX: usize = 64;
-/// The most pixels of all masks that a mesh remembers, at a byte each.
-const PIXELS_MAX: usize = 64 << 20;
-
-/// For each pixel of a film, row by row from the top, whether its centre sees the front of a mesh.
-pub(crate) type Mask = Arc<[bool]>;
-
-/// What a mask depends on beside the mesh: the film's columns and rows, and the bits of a pixel's side at unit
-/// distance, of the mesh's longest side, and of the camera's place and frame.
-#[derive(Clone, Debug, PartialEq)]
-struct Film {
-    size: [u32; 2],
-    pitch: u64,
-    side_m: u64,
-    camera: Vec<u64>,
-}
-
-/// Masks that were worked out before, the newest last.
-#[derive(Default)]
-pub(crate) struct Masks(Mutex<VecDeque<(Film, Mask)>>);
-
-impl fmt::Debug for Masks {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("Masks")
-    }
-}
-
-impl Masks {
-    /// The mask of a view. It takes as long as all triangles have pixels in their boxes on the film.
-    pub fn of_view(
-        &self,
-        mesh: &LoadedMesh,
-        specification: &Specification,
-        geometry: &ViewGeometry,
-        pitch: f64,
-    ) -> Mask {
-        let film = Film {
-            size: [specification.image.width, specification.image.height],
-            pitch: pitch.to_bits(),
-            side_m: specification.sample.side_m.to_bits(),
-            camera: geometry
-                .world_from_camera
-                .as_flattened()
-                .iter()
-                .map(|x| x.to_bits())
-                .collect(),
-        };
-        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, mask)) = known().iter().find(|(other, _)| *other == film) {
-            return Arc::clone(mask);
-        }
+/// The mask of a view of a mesh. It takes as long as all triangles have pixels in their boxes on the film.
+pub(crate) fn mask_of_view(
+    mesh: &LoadedMesh,
+    specification: &Specification,
+    geometry: &ViewGeometry,
+    pitch: f64,
+) -> Mask {
+    let size = [specification.image.width, specification.image.height];
+    let film = MaskedFilm {
+        size,
+        pitch: pitch.to_bits(),
+        side_m: specification.sample.side_m.to_bits(),
+        camera: geometry
+            .world_from_camera
+            .as_flattened()
+            .iter()
+            .map(|x| x.to_bits())
+            .collect(),
+    };
+    mesh.masks().of_film(film, || {
         let placed = mesh.placed(specification.sample.side_m);
-        let mask = Raster::new(film.size, pitch).mask(&placed, mesh.mesh().triangles(), geometry);
-        let mut known = known();
-        known.push_back((film, Arc::clone(&mask)));
-        let pixels = |known: &VecDeque<(Film, Mask)>| -> usize {
-            known.iter().map(|(_, mask)| mask.len()).sum()
-        };
-        while known.len() > MASKS_MAX || pixels(&known) > PIXELS_MAX {
-            known.pop_front();
-        }
-        mask
-    }
+        Raster::new(size, pitch).mask(&placed, mesh.mesh().triangles(), geometry)
+    })
 }
 
 /// What each pixel's centre sees so far.

@@ -2,7 +2,8 @@
 
 use crate::{
     Specification,
-    mesh_on_film::Mask,
+    masks::Mask,
+    mesh_on_film::mask_of_view,
     specification::Shape,
     view::{ViewGeometry, film_pitch},
 };
@@ -29,7 +30,7 @@ impl SampleOnFilm {
             Shape::Mesh => {
                 let mesh = specification.sample.loaded_mesh()?;
                 let pitch = film_pitch(specification);
-                Some(mesh.masks().of_view(mesh, specification, &geometry, pitch))
+                Some(mask_of_view(mesh, specification, &geometry, pitch))
             }
             Shape::Square | Shape::Sphere | Shape::Cylinder => None,
         };

@@ -1,6 +1,6 @@
 //! What makes a folder a store: which dataset it is of, and where its images are.
 
-use super::{StoreError, mesh_file};
+use super::{StoreError, durable::write_durably, mesh_file};
 use crate::{CopyError, Holder};
 use dataset::{Digest, RENDERER_VERSION, Specification, specification::Differences};
 use imagestore::{
@@ -12,7 +12,7 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use std::{
     fs::{self, File},
-    io::{self, Read, Write},
+    io::{self, Read},
     path::{Path, PathBuf},
     thread,
     time::Instant,
@@ -340,22 +340,6 @@ fn read_bounded(path: &Path) -> Result<String, StoreError> {
         })
         .map_err(FileError::new("read", path))?;
     Ok(text)
-}
-
-/// Writes beside, syncs, renames, syncs the folder: there is the file before or the file after.
-pub(super) fn write_durably(path: &Path, content: &[u8]) -> Result<(), FileError> {
-    let beside = path.with_added_extension("new");
-    File::create(&beside)
-        .and_then(|mut file| {
-            file.write_all(content)?;
-            file.sync_all()
-        })
-        .and_then(|()| fs::rename(&beside, path))
-        .and_then(|()| match path.parent() {
-            Some(folder) => File::open(folder)?.sync_all(),
-            None => Ok(()),
-        })
-        .map_err(FileError::new("write", path))
 }
 
 fn damaged(path: &Path, reason: impl ToString) -> StoreError {

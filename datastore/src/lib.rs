@@ -35,6 +35,7 @@
 
 mod any_store;
 mod copy_error;
+mod durable;
 mod folder;
 pub mod garbage;
 mod holder;

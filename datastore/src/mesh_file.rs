@@ -1,6 +1,6 @@
 //! The mesh of a store in a folder: a file beside its identity, named by its digest.
 
-use super::{StoreError, identity::write_durably};
+use super::{StoreError, durable::write_durably};
 use dataset::{Specification, specification::SampleMesh};
 use std::{ffi::OsStr, path::Path};
 

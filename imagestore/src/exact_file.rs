@@ -1,7 +1,7 @@
 //! The parts of an image's file that are exact: its header, byte for byte, and where its blocks
 //! lie. Only the packed pixels are left to the sender, and they take no more than raw ones.
 
-use crate::validation::{Rejection, layout, same};
+use crate::rejection::{Rejection, layout, same};
 use dataset::{
     IMAGE_BLOCK_LINES, ImageHeader, Specification, image_file_bytes_max, image_file_header,
     image_line_bytes,

@@ -11,6 +11,7 @@ pub mod blobs;
 pub mod bucket;
 mod exact_file;
 mod file_error;
+mod rejection;
 pub mod room;
 pub mod staging;
 pub mod validation;

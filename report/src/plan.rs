@@ -1,6 +1,6 @@
 //! What is rendered: materials, views and a ladder of settings for each integrator.
 
-use crate::{comparison::RELATIVE_FLOOR, shapes};
+use crate::comparison::RELATIVE_FLOOR;
 use dataset::{
     HARD_CASES, Material, Specification,
     specification::{Accuracy, IntegratorKind},
@@ -11,6 +11,9 @@ pub const HYBRID_LADDER: [f64; 5] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5];
 
 /// Relative accuracies at which square, sphere and mesh are compared.
 pub const SHAPE_LADDER: [f64; 4] = [1e-1, 3e-2, 1e-2, 3e-3];
+
+/// The views in which they are compared: one with the chart, one without.
+pub const SHAPE_VIEWS: [u32; 2] = [5, 9];
 
 /// Samples a pixel of the path tracer.
 pub const PATH_LADDER: [u32; 5] = [16, 64, 256, 1024, 4096];
@@ -153,9 +156,17 @@ impl Plan {
         }
     }
 
+    /// How many renderings the comparison of shapes takes: three shapes, each with its reference.
+    pub(crate) fn shape_renderings(&self) -> usize {
+        match self.shape_accuracies.len() {
+            0 => 0,
+            accuracies => 3 * SHAPE_VIEWS.len() * (accuracies + 1),
+        }
+    }
+
     /// How many renderings it takes, references included.
     pub fn renderings(&self) -> u64 {
         let cells = self.materials.len() * self.views.len();
-        (cells * (self.settings.len() + 1) + shapes::renderings(self)) as u64
+        (cells * (self.settings.len() + 1) + self.shape_renderings()) as u64
     }
 }

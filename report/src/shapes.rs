@@ -2,7 +2,7 @@
 
 use crate::ReportError;
 use crate::comparison::{Comparison, RELATIVE_FLOOR, compare};
-use crate::plan::Plan;
+use crate::plan::{Plan, SHAPE_VIEWS};
 use crate::survey::{Cost, lone_thread, render};
 use dataset::{
     HARD_CASES, Specification,
@@ -11,9 +11,6 @@ use dataset::{
 use mesh::{Mesh, MeshError};
 use renderer::{Renderer, geometry::BackendChoice};
 use std::f64::consts::PI;
-
-/// The views that are rendered: one with the chart, one without.
-pub const VIEWS: [u32; 2] = [5, 9];
 
 /// The hard case that is rendered: the ordinary one.
 pub const MATERIAL: usize = 0;
@@ -76,7 +73,7 @@ pub fn compare_shapes(
             Renderer::new(&specification, BackendChoice::Auto).map(|made| (made, accuracy))
         };
         let (reference, _) = renderer(finest / REFERENCE_FINER, Some(REFERENCE_SAMPLES))?;
-        for view in VIEWS {
+        for view in SHAPE_VIEWS {
             let of_view = |renderer: &Renderer| render(&thread, renderer, material, 0, view);
             let (expected, _) = of_view(&reference)?;
             advance();
@@ -96,14 +93,6 @@ pub fn compare_shapes(
         }
     }
     Ok(measured)
-}
-
-/// How many renderings that takes.
-pub fn renderings(plan: &Plan) -> usize {
-    match plan.shape_accuracies.len() {
-        0 => 0,
-        accuracies => 3 * VIEWS.len() * (accuracies + 1),
-    }
 }
 
 fn specification(
@@ -178,7 +167,7 @@ mod tests {
             count.fetch_add(1, Ordering::Relaxed);
         };
         let measured = compare_shapes(&plan, &advance).expect("renderings");
-        assert_eq!(count.load(Ordering::Relaxed), renderings(&plan));
+        assert_eq!(count.load(Ordering::Relaxed), plan.shape_renderings());
         assert_eq!(measured.len(), 12);
         for one in &measured {
             assert!(one.comparison.pixels > 5, "{one:?}");
@@ -187,6 +176,6 @@ mod tests {
         }
         plan.shape_accuracies.clear();
         assert!(compare_shapes(&plan, &advance).expect("nothing").is_empty());
-        assert_eq!(renderings(&plan), 0);
+        assert_eq!(plan.shape_renderings(), 0);
     }
 }

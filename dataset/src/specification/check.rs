@@ -3,40 +3,12 @@
 use super::{
     Checker, Light, Pixel, Shape, Specification,
     canonical::number_text,
-    error::quoted,
+    fault::Fault,
     keys::{Key, Rule, float_rule, keys, name_rule, power_of_two_rule, range_rule},
     limits,
 };
 use crate::view::{camera_position, light_position, sin_cos_deg};
-use std::{fmt::Display, ops::RangeInclusive};
-
-/// What [`check`] refuses.
-pub(super) struct Fault {
-    /// The keys that together cause it; the first is the one to name.
-    pub keys: Vec<String>,
-    /// The refused value, where one alone is to blame.
-    pub value: Option<String>,
-    /// What that value must be; without one, what the first key does and why it may not.
-    pub rule: String,
-}
-
-impl Fault {
-    fn of_value(key: &str, value: impl Display, rule: String) -> Self {
-        Self {
-            keys: vec![key.to_owned()],
-            value: Some(quoted(&value.to_string())),
-            rule,
-        }
-    }
-
-    fn of_keys<const N: usize>(keys: [String; N], rule: String) -> Self {
-        Self {
-            keys: keys.to_vec(),
-            value: None,
-            rule,
-        }
-    }
-}
+use std::ops::RangeInclusive;
 
 /// Checks everything. Each value is in range by itself before any are checked together.
 pub(super) fn check(specification: &Specification) -> Result<(), Fault> {

@@ -7,6 +7,7 @@ mod canonical;
 mod check;
 mod differences;
 mod error;
+mod fault;
 mod fields;
 mod keys;
 pub mod limits;

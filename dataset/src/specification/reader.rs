@@ -1,8 +1,8 @@
 //! A TOML text while it is read, with the place of every value for the errors.
 
 use super::{
-    check::Fault,
     error::{Place, SpecificationError, quoted},
+    fault::Fault,
     suggest::hint,
 };
 use std::{collections::BTreeMap, ops::Range, path::Path};

@@ -4,7 +4,7 @@ use super::{
     SpecificationError,
     error::{Place, quoted},
 };
-use crate::{Digest, mesh_on_film::Masks};
+use crate::{Digest, masks::Masks};
 use mesh::{Mesh, MeshError, limits::FILE_BYTES_MAX};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::{

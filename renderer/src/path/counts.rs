@@ -5,10 +5,10 @@
 //! away: had a pixel stopped on the paths that told it to stop, those that happened to agree would
 //! stop too early, and its interval would be too narrow.
 
-use super::Tracer;
 use super::interval::REPLICATES;
 use super::trace::{Picture, Spent, Traced, trace};
-use crate::film::target;
+use super::{TracedFilm, Tracer};
+use crate::film::{Film, target};
 use dataset::specification::Accuracy;
 
 /// From one pilot to the next: halves the error at least, that of independent samples.
@@ -52,6 +52,23 @@ impl Counts {
         Self {
             of_pixels: vec![paths; pixels],
             spent: Spent::default(),
+        }
+    }
+
+    /// Traces all of a film by so many paths.
+    pub fn trace(&self, tracer: &Tracer<'_>, picture: &Picture) -> TracedFilm {
+        let mut known = Traced::nothing(picture.pixels());
+        let spent = trace(tracer, picture, 0, &mut known, |index| {
+            self.of_pixels[index]
+        });
+        TracedFilm {
+            film: Film {
+                width: picture.width as u32,
+                height: picture.height,
+                pixels: known.finished(picture.width),
+            },
+            paths: self.spent.paths + spent.paths,
+            evaluations: self.spent.evaluations + spent.evaluations,
         }
     }
 

@@ -70,7 +70,7 @@ pub fn render(
     let tracer = Tracer::new(scene, reflectance, integrator.max_bounces);
     let picture = Picture::new(specification, key);
     let counts = Counts::even(picture.pixels(), integrator.samples_per_pixel);
-    picture.trace(&tracer, &counts)
+    counts.trace(&tracer, &picture)
 }
 
 /// Renders a view of a curved sample to the specification's accuracy, as far as the limit on paths lets
@@ -89,7 +89,7 @@ pub fn render_to_accuracy(
     let picture = Picture::new(specification, key);
     let samples = integrator.samples_per_pixel;
     let counts = counts::choose(&tracer, &picture, accuracy, samples);
-    picture.trace(&tracer, &counts)
+    counts.trace(&tracer, &picture)
 }
 
 /// Traces paths of one view of one material.

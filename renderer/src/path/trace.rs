@@ -1,9 +1,8 @@
 //! Tracing a film, some paths a pixel.
 
-use super::counts::Counts;
 use super::interval::{self, REPLICATES};
-use super::{Scratch, TracedFilm, Tracer};
-use crate::film::{Film, FilmPixel};
+use super::{Scratch, Tracer};
+use crate::film::FilmPixel;
 use crate::sampler::Sampler;
 use dataset::Specification;
 use rayon::prelude::*;
@@ -29,21 +28,6 @@ impl Picture {
     /// How many pixels it has.
     pub fn pixels(&self) -> usize {
         self.width * self.height as usize
-    }
-
-    /// Traces all of it.
-    pub fn trace(&self, tracer: &Tracer<'_>, counts: &Counts) -> TracedFilm {
-        let mut known = Traced::nothing(self.pixels());
-        let spent = trace(tracer, self, 0, &mut known, |index| counts.of_pixels[index]);
-        TracedFilm {
-            film: Film {
-                width: self.width as u32,
-                height: self.height,
-                pixels: known.finished(self.width),
-            },
-            paths: counts.spent.paths + spent.paths,
-            evaluations: counts.spent.evaluations + spent.evaluations,
-        }
     }
 }
 
