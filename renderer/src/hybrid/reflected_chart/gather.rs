@@ -168,7 +168,7 @@ impl Place {
     }
 }
 
-/// The bends that lie between two ends, in ascending order, each once; and how many they are.
+/// The bends that lie between two ends, in ascending order, and how many they are.
 #[inline(always)]
 fn sorted_between<const N: usize>([low, high]: [f64; 2], bends: &[f64; N]) -> ([f64; N], usize) {
     let (mut sorted, mut count) = ([high; N], 0);
