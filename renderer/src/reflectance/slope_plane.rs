@@ -25,28 +25,11 @@ impl<'a> Slopes<'a> {
         Vec3::new(p * scale, q * scale, scale) - self.wo
     }
 
-    /// The q on the line p at which the light's cosine is `cos_i`, a circle of the plane; both
-    /// infinite where the line misses it.
-    pub fn crossings(&self, p: f64, cos_i: f64) -> [f64; 2] {
-        // 2 (wo_u p + wo_v q + wo_z) = (cos_i + wo_z)(1 + p^2 + q^2)
-        let wo = self.wo;
-        let sum = cos_i + wo.z;
-        let discriminant = wo.y * wo.y + sum * (wo.z - cos_i + p * (2.0 * wo.x - sum * p));
-        if discriminant <= 0.0 {
-            return [f64::INFINITY; 2];
-        }
-        let root = discriminant.sqrt();
-        [(wo.y - root) / sum, (wo.y + root) / sum]
-    }
-
     /// The p on the line q at which the light's cosine is `cos_i`; both infinite where the line
     /// misses the circle.
     pub fn crossings_along(&self, q: f64, cos_i: f64) -> [f64; 2] {
-        let swapped = Self {
-            wo: Vec3::new(self.wo.y, self.wo.x, self.wo.z),
-            lobe: self.lobe,
-        };
-        swapped.crossings(q, cos_i)
+        let swapped = Vec3::new(self.wo.y, self.wo.x, self.wo.z);
+        crossings(&swapped, q, cos_i)
     }
 
     /// Whether the light's cosine at (p, q) is above `cos_i`.
@@ -54,6 +37,24 @@ impl<'a> Slopes<'a> {
         let wo = self.wo;
         2.0 * (p * wo.x + q * wo.y + wo.z) > (cos_i + wo.z) * (1.0 + p * p + q * q)
     }
+}
+
+/// The q on the line p at which the light's cosine is `cos_i` for a viewer `wo`, a circle of the plane; both
+/// infinite where the line misses it. Without branches, for kernels.
+#[inline(always)]
+pub fn crossings(wo: &Vec3, p: f64, cos_i: f64) -> [f64; 2] {
+    // 2 (wo_u p + wo_v q + wo_z) = (cos_i + wo_z)(1 + p^2 + q^2)
+    let sum = cos_i + wo.z;
+    let discriminant = wo.y * wo.y + sum * (wo.z - cos_i + p * (2.0 * wo.x - sum * p));
+    let missed = discriminant <= 0.0;
+    let root = if missed { 0.0 } else { discriminant }.sqrt();
+    [-root, root].map(|root| {
+        if missed {
+            f64::INFINITY
+        } else {
+            (wo.y + root) / sum
+        }
+    })
 }
 
 #[cfg(test)]
@@ -65,7 +66,7 @@ mod tests {
         let lobe = Lobe::new(60.0, 0.4, 0.0);
         let slopes = Slopes::new(Vec3::new(0.3, -0.8, 0.52).normalized(), &lobe);
         for cos_i in [0.1, 0.5, 0.9, slopes.wo.z] {
-            for q in slopes.crossings(0.1, cos_i) {
+            for q in crossings(&slopes.wo, 0.1, cos_i) {
                 assert!(q.is_finite());
                 assert!((slopes.light(0.1, q).z - cos_i).abs() < 1e-14);
                 assert_ne!(
@@ -74,6 +75,6 @@ mod tests {
                 );
             }
         }
-        assert_eq!(slopes.crossings(5.0, 0.99), [f64::INFINITY; 2]);
+        assert_eq!(crossings(&slopes.wo, 5.0, 0.99), [f64::INFINITY; 2]);
     }
 }

@@ -3,6 +3,7 @@
 use crate::numerics::batch::LANES;
 use crate::numerics::instructions::kernel;
 use crate::numerics::tolerance::Tolerance;
+use crate::reflectance::slope_plane::crossings;
 use crate::vector::Vec3;
 
 /// Cosines of the light's direction at which the integrand bends: how many there are.
@@ -144,22 +145,6 @@ kernel! {
     }
 }
 
-/// [`Slopes::crossings`](crate::reflectance::slope_plane::Slopes::crossings), to the bit.
-#[inline(always)]
-fn crossings(wo: &Vec3, p: f64, cos_i: f64) -> [f64; 2] {
-    let sum = cos_i + wo.z;
-    let discriminant = wo.y * wo.y + sum * (wo.z - cos_i + p * (2.0 * wo.x - sum * p));
-    let missed = discriminant <= 0.0;
-    let root = if missed { 0.0 } else { discriminant }.sqrt();
-    [-root, root].map(|root| {
-        if missed {
-            f64::INFINITY
-        } else {
-            (wo.y + root) / sum
-        }
-    })
-}
-
 kernel! {
     /// The pieces of chords for a viewer, parted where the light's cosine is one of `levels`.
     pub fn part(
@@ -208,23 +193,4 @@ kernel! {
 fn within(x: f64, low: f64, high: f64) -> f64 {
     let x = if x < low { low } else { x };
     if x > high { high } else { x }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::reflectance::lobe::Lobe;
-    use crate::reflectance::slope_plane::Slopes;
-
-    #[test]
-    fn crossings_are_those_of_the_slope_plane() {
-        let lobe = Lobe::new(60.0, 0.4, 0.0);
-        let wo = Vec3::new(0.3, -0.8, 0.52).normalized();
-        for p in [-5.0, -0.4, 0.0, 0.1, 2.0] {
-            for cos_i in [0.1, 0.5, wo.z, 0.9, 2.0] {
-                let expected = Slopes::new(wo, &lobe).crossings(p, cos_i);
-                assert_eq!(crossings(&wo, p, cos_i), expected);
-            }
-        }
-    }
 }

@@ -238,7 +238,7 @@ impl LitChart {
 
 /// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
 #[inline(always)]
-pub fn parabola_weights(along: f64) -> [f64; ACROSS_NODES] {
+fn parabola_weights(along: f64) -> [f64; ACROSS_NODES] {
     let x = 2.0 * along - 1.0;
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }
