@@ -1,11 +1,7 @@
-//! Why a page cannot be shown, as a page.
+//! Why something cannot be shown or done. `pages` shows it.
 
-use crate::pages::layout;
-use axum::{
-    http::StatusCode,
-    response::{IntoResponse, Response},
-};
-use maud::html;
+use http::StatusCode;
+use tonic::{Code, Status};
 
 /// Why something cannot be shown or done: an HTTP status and a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,16 +52,15 @@ impl Problem {
     }
 }
 
-impl IntoResponse for Problem {
-    fn into_response(self) -> Response {
-        let title = self.status.canonical_reason().unwrap_or("Problem");
-        let page = layout::bare(
-            title,
-            html! {
-                p.problem { (self.sentence) }
-                p { a href="/" { "Back to the first page" } }
-            },
-        );
-        (self.status, page).into_response()
+/// What the coordinator refused.
+impl From<Status> for Problem {
+    fn from(status: Status) -> Self {
+        let sentence = status.message().to_owned();
+        match status.code() {
+            Code::InvalidArgument | Code::OutOfRange => Self::bad(sentence),
+            Code::NotFound | Code::FailedPrecondition => Self::absent(sentence),
+            Code::ResourceExhausted | Code::Unavailable => Self::busy(&sentence),
+            _ => Self::broken(sentence),
+        }
     }
 }

@@ -167,7 +167,11 @@ async fn live(
     axum::Extension(visitor): axum::Extension<Visitor>,
 ) -> Answer {
     let news = farm_of(&app)?.watch()?;
-    Ok(live::stream(&app, news, live::variant(visitor)))
+    Ok(live::stream(
+        news,
+        live::variant(visitor),
+        app.stopping.clone(),
+    ))
 }
 
 async fn jobs(

@@ -2,7 +2,7 @@
 
 use crate::{
     access::Access,
-    live::LiveFarm,
+    pages::farm::fragments,
     router::{self, App},
     sending::Sending,
     site::Site,
@@ -152,7 +152,7 @@ pub async fn serve(site: Site, options: Options) -> Result<RunningServer, ServeE
     let mut tasks = JoinSet::new();
     let fresh = keep_fresh(Arc::clone(&app), stopping.clone());
     tasks.spawn(watched("catalogue", fresh, failure.clone()));
-    let live = LiveFarm::follow(Arc::clone(&app), stopping.clone());
+    let live = follow_farm(Arc::clone(&app), stopping.clone());
     tasks.spawn(watched("live", live, failure.clone()));
     let scheme = if tls.is_some() { "https" } else { "http" };
     let connections = admission::open(listener, false);
@@ -272,6 +272,14 @@ async fn converse(
 /// Ends when the server is asked to stop, or dropped.
 async fn asked_to_stop(stopping: &mut watch::Receiver<bool>) {
     drop(stopping.wait_for(|stopping| *stopping).await);
+}
+
+/// Renders what the farm's page shows for everybody who looks.
+async fn follow_farm(app: Arc<App>, stopping: watch::Receiver<bool>) {
+    if let Some(farm) = &app.site.farm {
+        let render = |seen: &_, visitor| fragments(&app.site, seen, visitor);
+        farm.follow(render, stopping).await;
+    }
 }
 
 /// Looks for materials that were completed since, as long as pages are served.

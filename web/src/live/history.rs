@@ -1,6 +1,5 @@
 //! What the farm did lately: events, completed materials, and images a minute over the last hour.
 
-use super::completed;
 use limits::web::{LAST_EVENTS, LAST_IMAGES};
 use proto::Event;
 use std::{
@@ -124,6 +123,11 @@ impl History {
     fn minute(&self, now: Instant) -> u64 {
         now.saturating_duration_since(self.began).as_secs() / MINUTE.as_secs()
     }
+}
+
+/// Whether an event tells of a completed material.
+fn completed(event: &Event) -> Option<u32> {
+    (event.kind == "completed").then_some(event.material)?
 }
 
 #[cfg(test)]

@@ -1,31 +1,38 @@
 //! The farm as it happens: what it was told lately, and fragments of its page sent to whoever looks.
 //!
-//! One task asks the coordinator, once a second while somebody looks, and renders each fragment once
-//! for readers and once for operators. Every page gets the same bytes. A page that reads slowly gets
+//! One task asks the coordinator, once a second while somebody looks, and has each fragment rendered
+//! once for readers and once for operators. Every page gets the same bytes. A page that reads slowly gets
 //! the newest fragments and misses those between; nothing waits for it.
 
 mod history;
 mod stream;
 
 pub use history::History;
-pub use stream::stream;
+pub use stream::{Fragments, stream};
 
-use crate::{
-    access::Visitor,
-    pages::farm::{self, Fragments, Seen},
-    problem::Problem,
-    router::App,
-};
+use crate::{access::Visitor, problem::Problem};
 use coordinator::ControlService;
 use limits::web::{LIVE_PAGES_MAX, LIVE_PAUSE};
-use proto::{Control, Event, ListWorkersRequest, StatusRequest, WatchEventsRequest, WorkerDetail};
+use proto::{
+    Control, ListWorkersRequest, StatusRequest, StatusResponse, WatchEventsRequest, WorkerDetail,
+};
 use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
     time::Instant,
 };
 use tokio::{sync::watch, time::sleep};
 use tokio_stream::StreamExt;
-use tonic::{Request, Status};
+use tonic::Request;
+
+/// How a farm is, and what it did lately.
+pub struct Seen {
+    /// What the coordinator says.
+    pub status: StatusResponse,
+    /// Its workers.
+    pub workers: Vec<WorkerDetail>,
+    /// What happened lately.
+    pub history: History,
+}
 
 /// A coordinator, and what it did lately.
 pub struct LiveFarm {
@@ -52,7 +59,7 @@ impl LiveFarm {
     /// How the farm is now.
     pub async fn seen(&self) -> Result<Seen, Problem> {
         let status = self.control.status(Request::new(StatusRequest {}));
-        let status = status.await.map_err(problem)?.into_inner();
+        let status = status.await?.into_inner();
         let workers = self.workers().await?;
         let mut history = self.history();
         history.note_images(status.counts.unwrap_or_default().images, Instant::now());
@@ -67,7 +74,7 @@ impl LiveFarm {
     pub async fn workers(&self) -> Result<Vec<WorkerDetail>, Problem> {
         let request = Request::new(ListWorkersRequest {});
         let workers = self.control.list_workers(request).await;
-        Ok(workers.map_err(problem)?.into_inner().workers)
+        Ok(workers?.into_inner().workers)
     }
 
     /// The fragments of the farm's page for a visitor, now and whenever they change.
@@ -85,14 +92,16 @@ impl LiveFarm {
         Ok(self.told.subscribe())
     }
 
-    /// Watches the coordinator until pages are served no longer.
-    pub async fn follow(app: Arc<App>, mut stopping: watch::Receiver<bool>) {
-        let Some(farm) = &app.site.farm else {
-            return;
-        };
+    /// Watches the coordinator until pages are served no longer. `render` makes the fragments for a
+    /// visitor.
+    pub async fn follow(
+        &self,
+        render: impl Fn(&Seen, Visitor) -> Fragments,
+        mut stopping: watch::Receiver<bool>,
+    ) {
         tokio::select! {
-            () = farm.note_events() => {}
-            () = farm.tell(&app) => {}
+            () = self.note_events() => {}
+            () = self.tell(render) => {}
             _ = stopping.wait_for(|stopping| *stopping) => {}
         }
     }
@@ -115,7 +124,7 @@ impl LiveFarm {
         }
     }
 
-    async fn tell(&self, app: &App) {
+    async fn tell(&self, render: impl Fn(&Seen, Visitor) -> Fragments) {
         loop {
             sleep(LIVE_PAUSE).await;
             let is_watched = self.told.receiver_count() > 0;
@@ -124,8 +133,8 @@ impl LiveFarm {
             }
             match self.seen().await {
                 Ok(seen) if is_watched => {
-                    let fragments = [Visitor::Reader, Visitor::Operator]
-                        .map(|visitor| farm::fragments(&app.site, &seen, visitor));
+                    let fragments =
+                        [Visitor::Reader, Visitor::Operator].map(|visitor| render(&seen, visitor));
                     self.told.send_if_modified(|told| {
                         let is_new = **told != fragments;
                         if is_new {
@@ -154,21 +163,4 @@ pub fn variant(visitor: Visitor) -> usize {
         Visitor::Reader => 0,
         Visitor::Operator => 1,
     }
-}
-
-/// What the coordinator refused, as a page.
-pub fn problem(status: Status) -> Problem {
-    use tonic::Code;
-    let sentence = status.message().to_owned();
-    match status.code() {
-        Code::InvalidArgument | Code::OutOfRange => Problem::bad(sentence),
-        Code::NotFound | Code::FailedPrecondition => Problem::absent(sentence),
-        Code::ResourceExhausted | Code::Unavailable => Problem::busy(&sentence),
-        _ => Problem::broken(sentence),
-    }
-}
-
-/// Whether an event tells of a completed material.
-fn completed(event: &Event) -> Option<u32> {
-    (event.kind == "completed").then_some(event.material)?
 }

@@ -1,16 +1,18 @@
 //! Server-sent events: fragments of a page, each when it changed.
 
-use crate::{pages::farm::Fragments, router::App};
 use axum::{body::Body, response::Response};
 use bytes::Bytes;
 use futures_util::stream;
 use http::{HeaderValue, header};
 use limits::web::LIVE_SPAN;
-use std::{convert::Infallible, sync::Arc, time::Duration};
+use std::{collections::BTreeMap, convert::Infallible, sync::Arc, time::Duration};
 use tokio::{
     sync::watch,
     time::{Instant, sleep_until, timeout},
 };
+
+/// A page's sections by name, as HTML.
+pub type Fragments = BTreeMap<&'static str, String>;
 
 /// How often a stream says that it is still there, so that neither side takes it for broken.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(15);
@@ -26,11 +28,15 @@ struct Told {
 }
 
 /// The answer that goes on for as long as the page is open, up to [`LIVE_SPAN`]; then the browser asks
-/// again.
-pub fn stream(app: &App, news: watch::Receiver<Arc<[Fragments; 2]>>, variant: usize) -> Response {
+/// again. Ends at once when pages are served no longer.
+pub fn stream(
+    news: watch::Receiver<Arc<[Fragments; 2]>>,
+    variant: usize,
+    stopping: watch::Receiver<bool>,
+) -> Response {
     let told = Told {
         news,
-        stopping: app.stopping.clone(),
+        stopping,
         variant,
         last: Fragments::default(),
         is_first: true,

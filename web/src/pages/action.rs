@@ -1,7 +1,7 @@
 //! What operators do: a page that says what will happen, and a button that does it.
 
 use super::{Shown, layout};
-use crate::{live, problem::Problem};
+use crate::problem::Problem;
 use coordinator::ControlService;
 use limits::protocol::{NAME_BYTES_MAX, PRIORITY_MAX, REASON_BYTES_MAX};
 use maud::{Markup, html};
@@ -203,7 +203,7 @@ impl Action {
                 };
                 let blocked = control.bar_worker(Request::new(request)).await;
                 let back = blocked
-                    .map_err(live::problem)?
+                    .map_err(Problem::from)?
                     .into_inner()
                     .leases_taken_back;
                 Ok(format!("Blocked; {back} of its leases were taken back."))
@@ -211,7 +211,7 @@ impl Action {
             Self::Unblock(name) => {
                 let request = UnbarWorkerRequest { name: name.clone() };
                 let unblocked = control.unbar_worker(Request::new(request)).await;
-                unblocked.map_err(live::problem)?;
+                unblocked.map_err(Problem::from)?;
                 Ok("Unblocked.".to_owned())
             }
             Self::Pause => mode(control.pause(Request::new(PauseRequest {})).await),
@@ -233,7 +233,7 @@ fn selection(material: Option<u32>, states: &[JobState]) -> JobSelection {
 }
 
 fn changed(answer: Result<tonic::Response<JobsChanged>, tonic::Status>) -> Result<String, Problem> {
-    let ranges = answer.map_err(live::problem)?.into_inner().changed;
+    let ranges = answer.map_err(Problem::from)?.into_inner().changed;
     let count: u64 = ranges
         .iter()
         .map(|range| u64::from(range.last - range.first) + 1)
@@ -248,7 +248,7 @@ fn changed(answer: Result<tonic::Response<JobsChanged>, tonic::Status>) -> Resul
 fn mode(
     answer: Result<tonic::Response<proto::ModeChanged>, tonic::Status>,
 ) -> Result<String, Problem> {
-    let repeated = answer.map_err(live::problem)?.into_inner().repeated;
+    let repeated = answer.map_err(Problem::from)?.into_inner().repeated;
     Ok(if repeated {
         "It was so already."
     } else {

@@ -1,10 +1,8 @@
 //! How the completed materials cover the parameters, and what was measured of them.
 
 use super::{
-    Shown,
-    farm::span,
-    layout,
-    numbers::{bytes, grouped},
+    Shown, layout,
+    numbers::{bytes, grouped, span},
 };
 use crate::{
     catalogue::{Entry, FIELDS, Field},

@@ -2,34 +2,21 @@
 
 use super::{
     Shown, action, layout,
-    numbers::{bytes, grouped, significant},
+    numbers::{bytes, grouped, significant, span},
     workers,
 };
 use crate::{
     access::Visitor,
-    live::History,
+    live::{Fragments, Seen},
     plots::line::{Line, Point},
     site::Site,
 };
 use maud::{Markup, html};
-use proto::{Counts, Mode, StatusResponse, WorkerDetail};
-use std::{collections::BTreeMap, time::Instant};
-
-/// The page's sections by name, as HTML.
-pub type Fragments = BTreeMap<&'static str, String>;
+use proto::{Counts, Mode, WorkerDetail};
+use std::time::Instant;
 
 /// Workers on the page; all of them are on a page of their own.
 const WORKERS_SHOWN: usize = 12;
-
-/// How a farm is, and what it did lately.
-pub struct Seen {
-    /// What the coordinator says.
-    pub status: StatusResponse,
-    /// Its workers.
-    pub workers: Vec<WorkerDetail>,
-    /// What happened lately.
-    pub history: History,
-}
 
 /// The page.
 pub fn page(shown: &Shown<'_>, seen: &Seen) -> Markup {
@@ -147,16 +134,6 @@ fn time_left(seen: &Seen, counts: &Counts) -> String {
             format!("about {}", span(left / seen.status.images_per_second))
         }
         _ => "unknown: nothing was completed lately".to_owned(),
-    }
-}
-
-/// A span of time as people say it.
-pub fn span(seconds: f64) -> String {
-    match seconds {
-        seconds if seconds < 90.0 => format!("{seconds:.0} s"),
-        seconds if seconds < 5_400.0 => format!("{:.0} min", seconds / 60.0),
-        seconds if seconds < 172_800.0 => format!("{:.1} h", seconds / 3_600.0),
-        seconds => format!("{:.1} days", seconds / 86_400.0),
     }
 }
 
@@ -330,15 +307,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spans_and_clocks_read_well() {
-        for (seconds, text) in [
-            (3.2, "3 s"),
-            (600.0, "10 min"),
-            (7_200.0, "2.0 h"),
-            (1e6, "11.6 days"),
-        ] {
-            assert_eq!(span(seconds), text);
-        }
+    fn clocks_read_well() {
         assert_eq!(clock(1_764_028_799_999), "23:59:59");
     }
 }

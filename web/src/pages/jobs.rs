@@ -1,7 +1,7 @@
 //! The jobs of a farm by state, page after page.
 
 use super::{Shown, action, layout};
-use crate::{access::Visitor, live, problem::Problem};
+use crate::{access::Visitor, problem::Problem};
 use coordinator::ControlService;
 use limits::web::{JOBS_A_PAGE, JOBS_SEARCH};
 use maud::{Markup, html};
@@ -91,7 +91,7 @@ impl Wanted {
         let mut found = Vec::new();
         loop {
             let answer = control.list_jobs(tonic::Request::new(request.clone()));
-            let answer = answer.await.map_err(live::problem)?.into_inner();
+            let answer = answer.await.map_err(Problem::from)?.into_inner();
             found.extend(answer.jobs);
             let wanted = JOBS_A_PAGE.saturating_sub(found.len() as u32);
             match answer.next {

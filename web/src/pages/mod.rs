@@ -11,6 +11,7 @@ pub mod login;
 pub mod material;
 pub mod materials;
 pub(crate) mod numbers;
+mod problem;
 pub mod workers;
 
 use crate::{access::Visitor, site::Site};

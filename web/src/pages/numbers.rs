@@ -50,6 +50,16 @@ pub fn bytes(count: u64) -> String {
     }
 }
 
+/// A span of time as people say it.
+pub fn span(seconds: f64) -> String {
+    match seconds {
+        seconds if seconds < 90.0 => format!("{seconds:.0} s"),
+        seconds if seconds < 5_400.0 => format!("{:.0} min", seconds / 60.0),
+        seconds if seconds < 172_800.0 => format!("{:.1} h", seconds / 3_600.0),
+        seconds => format!("{:.1} days", seconds / 86_400.0),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -73,5 +83,17 @@ mod tests {
         assert_eq!(grouped(1_234_567).replace('\u{202f}', " "), "1 234 567");
         assert_eq!(bytes(999), "999 bytes");
         assert_eq!(bytes(1_530_000_000), "1.53 GB");
+    }
+
+    #[test]
+    fn spans_read_well() {
+        for (seconds, text) in [
+            (3.2, "3 s"),
+            (600.0, "10 min"),
+            (7_200.0, "2.0 h"),
+            (1e6, "11.6 days"),
+        ] {
+            assert_eq!(span(seconds), text);
+        }
     }
 }

@@ -1,6 +1,9 @@
 //! The workers of a farm.
 
-use super::{Shown, action, farm::span, layout, numbers::grouped};
+use super::{
+    Shown, action, layout,
+    numbers::{grouped, span},
+};
 use crate::access::Visitor;
 use maud::{Markup, html};
 use proto::WorkerDetail;
