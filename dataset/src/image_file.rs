@@ -24,7 +24,11 @@ pub const IMAGE_SOFTWARE: &str = "brdfarm";
 /// each (ITU-R BT.709-6, item 1.3 and 1.4).
 pub const REC709_CHROMATICITIES: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
-/// Room for the file's header but for the text that says what the image is, bytes.
+/// Bytes of the text's size before the text that says which image it is, and of the end of all
+/// attributes after it.
+pub const IMAGE_FILE_TEXT_OVERHEAD: usize = 4 + 1;
+
+/// Room for the attributes before that text, bytes.
 const ATTRIBUTES_BYTES: usize = 1024;
 
 /// Bytes of a block's place in the table, and of the line and size that begin a block.
@@ -32,16 +36,26 @@ const BLOCK_OVERHEAD_BYTES: u64 = 8 + 8;
 
 /// The file's bytes up to the table of blocks.
 pub fn image_file_header(specification: &Specification, header: &ImageHeader) -> Vec<u8> {
-    let json = serde_json::to_string(header)
-        .unwrap_or_else(|_| unreachable!("numbers and texts under names are JSON"));
+    let text = header.to_json();
+    let mut file = image_file_start(specification);
+    file.reserve_exact(text.len() + IMAGE_FILE_TEXT_OVERHEAD);
+    file.extend((text.len() as u32).to_le_bytes());
+    file.extend(text.as_bytes());
+    file.push(0);
+    file
+}
+
+/// How the file of every image of a dataset begins: up to the size of the text that says which image
+/// it is. That text is the last attribute.
+pub fn image_file_start(specification: &Specification) -> Vec<u8> {
     let film = &specification.image;
     let blocks = film.height.div_ceil(IMAGE_BLOCK_LINES);
     let window = numbers(&[0, 0, film.width - 1, film.height - 1]);
     let chromaticities = REC709_CHROMATICITIES.map(f32::to_le_bytes);
     let white = specification.white_luminance() as f32;
-    let mut file = Vec::with_capacity(json.len() + ATTRIBUTES_BYTES);
+    let mut file = Vec::with_capacity(ATTRIBUTES_BYTES);
     file.extend(MAGIC_AND_VERSION);
-    let attributes: [(&str, &str, &[u8]); 14] = [
+    let attributes: [(&str, &str, &[u8]); 13] = [
         ("chunkCount", "int", &numbers(&[blocks])),
         ("channels", "chlist", &channels(film.pixel)),
         // ZIP, 16 lines a block; from the top down.
@@ -60,18 +74,21 @@ pub fn image_file_header(specification: &Specification, header: &ImageHeader) ->
             chromaticities.as_flattened(),
         ),
         ("software", "string", IMAGE_SOFTWARE.as_bytes()),
-        (IMAGE_HEADER_ATTRIBUTE, "string", json.as_bytes()),
     ];
     for (name, kind, value) in attributes {
-        for text in [name, kind] {
-            file.extend(text.as_bytes());
-            file.push(0);
-        }
+        name_attribute(&mut file, name, kind);
         file.extend((value.len() as u32).to_le_bytes());
         file.extend(value);
     }
-    file.push(0);
+    name_attribute(&mut file, IMAGE_HEADER_ATTRIBUTE, "string");
     file
+}
+
+fn name_attribute(file: &mut Vec<u8>, name: &str, kind: &str) {
+    for text in [name, kind] {
+        file.extend(text.as_bytes());
+        file.push(0);
+    }
 }
 
 /// The largest file of an image whose header has `header_bytes` bytes: what does not compress is

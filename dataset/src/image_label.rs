@@ -31,6 +31,14 @@ pub struct ImageHeader {
     pub renderer_version: String,
 }
 
+impl ImageHeader {
+    /// The text in the file: JSON without white space, the fields in their order here.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string(self)
+            .unwrap_or_else(|_| unreachable!("numbers and texts under names are JSON"))
+    }
+}
+
 /// The measured error and cost of one image. Everything here is as deterministic as the image;
 /// seconds are kept apart from it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

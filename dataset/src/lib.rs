@@ -36,8 +36,8 @@ pub mod view;
 pub use digest::{Digest, ParseDigestError};
 pub use hard_cases::{HARD_CASES, HardCase};
 pub use image_file::{
-    IMAGE_BLOCK_LINES, IMAGE_SOFTWARE, REC709_CHROMATICITIES, image_file_bytes_max,
-    image_file_header, image_line_bytes,
+    IMAGE_BLOCK_LINES, IMAGE_FILE_TEXT_OVERHEAD, IMAGE_SOFTWARE, REC709_CHROMATICITIES,
+    image_file_bytes_max, image_file_header, image_file_start, image_line_bytes,
 };
 pub use image_label::{ErrorStatistics, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION};
 pub use index_list::{IndexList, IndexListError};

@@ -2,13 +2,15 @@
 
 use crate::fixtures::{SPECIFICATION, film};
 use dataset::{ImageHeader, Specification, image_file_header, specification::Pixel};
-use imagestore::validation::{
-    check_identity, check_size, decode, expected_headers, image_bytes_max, inspect,
+use imagestore::{
+    inspector::{Inspector, Likely},
+    validation::{check_identity, check_size, decode, expected_headers, image_bytes_max, inspect},
 };
+use std::sync::Arc;
 
 /// Reads an image as uploads, imports and `verify` do.
 pub fn image(bytes: &[u8]) -> bool {
-    let mut accepted = false;
+    let mut is_accepted = false;
     for pixel in [Pixel::Half, Pixel::Float] {
         let mut specification = SPECIFICATION.clone();
         specification.image = film(pixel);
@@ -16,13 +18,26 @@ pub fn image(bytes: &[u8]) -> bool {
         let inspected = inspect(bytes, &specification);
         let decoded = decode(bytes, &specification);
         // Which of an image's faults each names is its own affair.
+        let accepted = |read: &Result<ImageHeader, _>| read.as_ref().ok().cloned();
+        let inspector = Inspector::new(Arc::new(specification.clone()));
+        let header = decoded.as_ref().ok().map(|decoded| &decoded.header);
+        let unlikely = &expected_headers(&specification, specification.hash(), 0)[0];
+        for header in [header.unwrap_or(unlikely), unlikely] {
+            let text = &header.to_json();
+            let sooner = inspector.inspect(bytes, &Likely { header, text });
+            assert_eq!(
+                sooner.ok(),
+                accepted(&inspected),
+                "the quick reader differs"
+            );
+        }
         assert_eq!(
-            inspected.ok(),
+            accepted(&inspected),
             decoded.as_ref().ok().map(|decoded| decoded.header.clone()),
             "two readers differ"
         );
         if let Ok(decoded) = decoded {
-            accepted = true;
+            is_accepted = true;
             let file_header = image_file_header(&specification, &decoded.header);
             assert!(bytes.starts_with(&file_header), "another header");
             let size = bytes.len() as u64;
@@ -33,7 +48,7 @@ pub fn image(bytes: &[u8]) -> bool {
             assert!(values.all(|value| value.is_finite() && *value >= 0.0));
         }
     }
-    accepted
+    is_accepted
 }
 
 /// Reads the label in an image, and compares it with what it has to be.

@@ -2,10 +2,7 @@
 //! lie. Only the packed pixels are left to the sender, and they take no more than raw ones.
 
 use crate::rejection::{Rejection, layout, same};
-use dataset::{
-    IMAGE_BLOCK_LINES, ImageHeader, Specification, image_file_bytes_max, image_file_header,
-    image_line_bytes,
-};
+use dataset::{IMAGE_BLOCK_LINES, ImageHeader, Specification, image_file_header, image_line_bytes};
 
 /// Bytes of a block's place in the table.
 const PLACE_BYTES: usize = 8;
@@ -13,35 +10,26 @@ const PLACE_BYTES: usize = 8;
 /// Bytes before a block's pixels: its first line, and how many bytes the pixels take.
 const BLOCK_HEAD_BYTES: usize = 8;
 
-/// Checks everything of a file but its pixels, given what the file says of itself. `likely` is the
-/// header of some image of this dataset; where the file has it, it is not made again.
+/// Checks everything of a file but its pixels, given what the file says of itself.
 pub(crate) fn check(
     bytes: &[u8],
     specification: &Specification,
     identity: &ImageHeader,
-    likely: &[u8],
 ) -> Result<(), Rejection> {
-    if !likely.is_empty() && bytes.starts_with(likely) {
-        return check_blocks(bytes, likely.len(), specification);
-    }
     let header = image_file_header(specification, identity);
     if !bytes.starts_with(&header) {
         return Err(Rejection::FileHeader(first_difference(bytes, &header)));
     }
-    check_blocks(bytes, header.len(), specification)
-}
-
-/// The largest file of an image whose file begins with `header`.
-pub(crate) fn bytes_max(specification: &Specification, header: &[u8]) -> u64 {
-    image_file_bytes_max(specification, header.len() as u64)
+    check_blocks(bytes, header.len(), specification, |_, _| Ok(()))
 }
 
 /// Checks that blocks follow the table and each other without a gap, from the top down, and that
-/// the file ends with the last.
-fn check_blocks(
-    bytes: &[u8],
+/// the file ends with the last. Hands out each block's first line and packed pixels.
+pub(crate) fn check_blocks<'a>(
+    bytes: &'a [u8],
     table: usize,
     specification: &Specification,
+    mut visit: impl FnMut(u32, &'a [u8]) -> Result<(), Rejection>,
 ) -> Result<(), Rejection> {
     let film_lines = specification.image.height;
     let blocks = film_lines.div_ceil(IMAGE_BLOCK_LINES);
@@ -59,15 +47,21 @@ fn check_blocks(
             let expected = format_args!("at most {size_max}");
             return Err(layout("size of a block in bytes", size, expected));
         }
-        place += BLOCK_HEAD_BYTES + size as usize;
+        let pixels = place + BLOCK_HEAD_BYTES;
+        place = pixels + size as usize;
+        let packed = bytes.get(pixels..place).ok_or_else(|| ends(place))?;
+        visit(first_line, packed)?;
     }
     same("size in bytes, as its blocks add up,", bytes.len(), place)
 }
 
 fn word<const BYTES: usize>(bytes: &[u8], place: usize) -> Result<[u8; BYTES], Rejection> {
     let word = bytes.get(place..).and_then(<[u8]>::first_chunk);
-    word.copied()
-        .ok_or_else(|| Rejection::Unreadable(format!("it ends within a block, before {place}")))
+    word.copied().ok_or_else(|| ends(place))
+}
+
+fn ends(place: usize) -> Rejection {
+    Rejection::Unreadable(format!("it ends within a block, before {place}"))
 }
 
 /// An attribute as it stands in a file.

@@ -10,7 +10,7 @@ pub use crate::rejection::Rejection;
 use crate::rejection::{layout, same};
 use dataset::{
     Digest, IMAGE_BLOCK_LINES, IMAGE_HEADER_ATTRIBUTE, ImageHeader, RENDERER_VERSION,
-    Specification, image_file_header,
+    Specification, image_file_bytes_max, image_file_header,
     specification::{Image, Pixel},
 };
 use exr::{
@@ -50,17 +50,7 @@ pub struct Decoded {
 
 /// Reads a whole image of a dataset under bounds and returns what it says of itself.
 pub fn inspect(bytes: &[u8], specification: &Specification) -> Result<ImageHeader, Rejection> {
-    inspect_likely(bytes, specification, &[])
-}
-
-/// The same, sooner where the file begins with `likely`, a file header of this dataset as
-/// [`image_file_header`] makes it.
-pub fn inspect_likely(
-    bytes: &[u8],
-    specification: &Specification,
-    likely: &[u8],
-) -> Result<ImageHeader, Rejection> {
-    read_guarded(bytes, specification, likely, |_| {})
+    read_guarded(bytes, specification, |_| {})
 }
 
 /// Reads a whole image of a dataset under bounds, pixels and all.
@@ -68,7 +58,7 @@ pub fn decode(bytes: &[u8], specification: &Specification) -> Result<Decoded, Re
     let film = &specification.image;
     let mut pixels = vec![[0.0; 3]; film.width as usize * film.height as usize];
     let place = |block: &_| place_pixels(block, film, &mut pixels);
-    let header = read_guarded(bytes, specification, &[], place)?;
+    let header = read_guarded(bytes, specification, place)?;
     Ok(Decoded { header, pixels })
 }
 
@@ -94,24 +84,18 @@ pub fn check_size_max(bytes: u64, bytes_max: u64) -> Result<(), Rejection> {
 /// renderer writes around them.
 pub fn image_bytes_max(specification: &Specification, header: &ImageHeader) -> u64 {
     let file_header = image_file_header(specification, header);
-    image_bytes_max_after(specification, &file_header)
-}
-
-/// The same where the file's header is known.
-pub fn image_bytes_max_after(specification: &Specification, file_header: &[u8]) -> u64 {
-    exact_file::bytes_max(specification, file_header)
+    image_file_bytes_max(specification, file_header.len() as u64)
 }
 
 fn read_guarded(
     bytes: &[u8],
     specification: &Specification,
-    likely: &[u8],
     visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     // The decoder is not ours: should some input make it panic, it is a bad image like any other,
     // and what was visited of it is dropped.
     panic::catch_unwind(AssertUnwindSafe(|| {
-        read_unguarded(bytes, specification, likely, visit)
+        read_unguarded(bytes, specification, visit)
     }))
     .unwrap_or_else(|_| {
         Err(Rejection::Unreadable(
@@ -189,7 +173,6 @@ pub fn check_identity(header: &ImageHeader, expected: &ImageHeader) -> Result<()
 fn read_unguarded(
     bytes: &[u8],
     specification: &Specification,
-    likely: &[u8],
     mut visit: impl FnMut(&UncompressedBlock),
 ) -> Result<ImageHeader, Rejection> {
     let unreadable = |error: exr::error::Error| Rejection::Unreadable(error.to_string());
@@ -201,7 +184,7 @@ fn read_unguarded(
     let film = &specification.image;
     check_layout(header, film)?;
     let identity = read_identity(header)?;
-    exact_file::check(bytes, specification, &identity, likely)?;
+    exact_file::check(bytes, specification, &identity)?;
     let description = reader.meta_data().clone();
     let mut blocks = 0;
     for chunk in reader.all_chunks(true).map_err(unreadable)? {
@@ -306,7 +289,7 @@ fn place_pixels(block: &UncompressedBlock, film: &Image, pixels: &mut [[f32; 3]]
 
 /// Every value finite and not below zero, told from the bits: all exponent bits set is infinite or
 /// no number; the sign bit with anything beside it is negative.
-fn check_pixels(block: &UncompressedBlock, film: &Image) -> Result<(), Rejection> {
+pub(crate) fn check_pixels(block: &UncompressedBlock, film: &Image) -> Result<(), Rejection> {
     let BlockIndex { pixel_position, .. } = block.index;
     let (bytes, exponent, sign) = match film.pixel {
         Pixel::Half => (2, 0x7c00, 0x8000),

@@ -294,6 +294,11 @@ fn simulate(load: &Load) -> Figures {
         }
     }
     println!(
+        "  {}; {}",
+        told(&metrics, "ledger_commit"),
+        told(&metrics, "publication")
+    );
+    println!(
         "  {fewest} to {most} jobs a worker; coordinator {:.1} core seconds and {} MB at its peak, \
          all workers {own:.1} core seconds",
         its.seconds,
@@ -547,6 +552,18 @@ fn bucket_ms(metrics: &str, call: &str, quantile: f64) -> f64 {
     let all = buckets.iter().map(|bucket| bucket.1).fold(0.0, f64::max);
     let holds = buckets.iter().find(|bucket| bucket.1 >= quantile * all);
     holds.unwrap().0 * 1e3
+}
+
+/// How many of something the coordinator did, and how long each took.
+fn told(metrics: &str, what: &str) -> String {
+    let read = |end: &str| {
+        let name = format!("brdfarm_{what}_seconds_{end} ");
+        let line = metrics.lines().find_map(|line| line.strip_prefix(&name));
+        line.unwrap().parse::<f64>().unwrap()
+    };
+    let count = read("count");
+    let mean_ms = read("sum") / count * 1e3;
+    format!("{count} of {what}, {mean_ms:.1} ms on average")
 }
 
 fn sorted<'a>(times: impl Iterator<Item = &'a Duration>) -> Vec<f64> {

@@ -3,11 +3,12 @@
 use super::{Farm, FarmError};
 use crate::upload_slots::Interrupted;
 use bytes::Bytes;
-use dataset::{Digest, ImageHeader, image_file_header};
+use dataset::{Digest, ImageHeader};
 use futures_util::future::try_join_all;
 use imagestore::{
     FileError,
     blobs::Blobs,
+    inspector::Likely,
     staging::{Credential, LeaseOf, Sender},
     validation,
 };
@@ -22,8 +23,8 @@ use tokio::task;
 pub(super) struct Expected {
     /// What they say of themselves, view by view.
     pub headers: Vec<ImageHeader>,
-    /// How the file of the last view begins: no other view's is longer.
-    last_file_header: Vec<u8>,
+    /// The text in the file of the last view: no other view's is longer.
+    last_text: String,
     /// The size of the largest, bytes.
     pub bytes_max: u64,
 }
@@ -35,14 +36,11 @@ impl Farm {
         let headers =
             validation::expected_headers(specification, self.specification_hash, material);
         // They differ in the view's number alone, and the last has most digits.
-        let last = headers.last();
-        let last = last.map(|header| image_file_header(specification, header));
-        let last_file_header = last.unwrap_or_default();
-        let bytes_max = validation::image_bytes_max_after(specification, &last_file_header);
+        let last_text = headers.last().map(ImageHeader::to_json).unwrap_or_default();
         Arc::new(Expected {
+            bytes_max: self.inspector.image_bytes_max(last_text.len()),
             headers,
-            last_file_header,
-            bytes_max,
+            last_text,
         })
     }
 
@@ -149,7 +147,7 @@ impl Farm {
     ) -> Result<(), FarmError> {
         let shared = Arc::clone(&self.shared);
         let context = Arc::clone(&self.context);
-        let specification = Arc::clone(&self.specification);
+        let inspector = Arc::clone(&self.inspector);
         let material = sender.lease.material;
         // What is begun runs to its end even when the caller goes away. Whether the image is in the
         // store already is not looked up: a worker asks before it sends.
@@ -166,9 +164,12 @@ impl Farm {
             let size = bytes.len() as u64;
             validation::check_size_max(size, expected.bytes_max)?;
             validation::check_digest(bytes, digest)?;
-            let likely = &expected.last_file_header;
-            let header = validation::inspect_likely(bytes, &specification, likely)?;
             let headers = &expected.headers;
+            let likely = Likely {
+                header: headers.last().unwrap_or(&headers[0]),
+                text: &expected.last_text,
+            };
+            let header = inspector.inspect(bytes, &likely)?;
             let expected = headers.get(header.view as usize).unwrap_or(&headers[0]);
             validation::check_identity(&header, expected)?;
             let file = context.blobs.stage(digest, bytes)?;

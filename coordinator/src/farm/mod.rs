@@ -27,7 +27,7 @@ use dataset::{Digest, Specification};
 use datastore::{AnyStore, SharedStore, Store};
 use events::Events;
 use futures_util::FutureExt;
-use imagestore::blobs::Blobs;
+use imagestore::{blobs::Blobs, inspector::Inspector};
 use jobqueue::{Policy, Queue, Selection, Stage};
 use jobstore::{
     JobStore, JobStoreContext, JobStoreError, JobsOrder, LocalJobStore, Overview, Publisher,
@@ -72,6 +72,7 @@ pub(crate) struct Farm {
     context: Arc<JobStoreContext>,
     publisher: Publisher,
     uploads: UploadSlots,
+    inspector: Arc<Inspector>,
     redundant_per_million: u32,
     // None where anybody may call anything.
     tokens: Option<Tokens>,
@@ -138,6 +139,7 @@ impl Farm {
         supervisor.spawn_helper("publisher", publishing.map(Ok));
         let farm = Self {
             specification_hash: specification.hash(),
+            inspector: Arc::new(Inspector::new(Arc::clone(&specification))),
             specification,
             policy: options.queue_policy(),
             shared,

@@ -3,11 +3,12 @@ use dataset::{
     Digest, IMAGE_HEADER_ATTRIBUTE, Specification, image_file_header, specification::Pixel,
 };
 use exr::prelude::{Blocks, Compression, LineOrder, Vec2};
+use imagestore::inspector::{Inspector, Likely};
 use imagestore::validation::{
     Rejection, check_digest, check_identity, check_size, decode, expected_headers, image_bytes_max,
-    inspect, inspect_likely,
+    inspect,
 };
-use std::ops::Range;
+use std::{ops::Range, sync::Arc};
 
 #[test]
 fn images_as_the_renderer_writes_them_are_accepted() {
@@ -222,12 +223,19 @@ fn damage_is_rejected_within_bounded_memory() {
         .unwrap();
     let attribute = attribute..attribute + json.len();
     let blocks = image_file_header(&specification, &header).len() + 2 * 8;
+    let inspector = Inspector::new(Arc::new(specification.clone()));
+    let [text, elsewhere] = [header.to_json(), String::new()];
+    let likely = [&text, &elsewhere].map(|text| Likely {
+        header: &header,
+        text,
+    });
     let before = peak_memory_kib();
     for length in 0..whole.len() {
-        assert!(
-            inspect(&whole[..length], &specification).is_err(),
-            "cut at {length}"
-        );
+        let inspected = inspect(&whole[..length], &specification);
+        assert!(inspected.is_err(), "cut at {length}");
+        for likely in &likely {
+            assert!(inspector.inspect(&whole[..length], likely).is_err());
+        }
     }
     let mut rejected = 0;
     for place in 0..whole.len() {
@@ -235,8 +243,10 @@ fn damage_is_rejected_within_bounded_memory() {
             let mut damaged = whole.clone();
             damaged[place] ^= 1 << bit;
             let inspected = inspect(&damaged, &specification);
-            let likely = inspect_likely(&damaged, &specification, &whole[..blocks - 2 * 8]);
-            assert_eq!(likely, inspected, "{place} {bit}");
+            for likely in &likely {
+                let sooner = inspector.inspect(&damaged, likely);
+                assert_eq!(sooner.ok(), inspected.clone().ok(), "{place} {bit}");
+            }
             match inspected {
                 Ok(found) if found == header => {
                     assert!(place >= blocks, "byte {place} of the header, bit {bit}");
