@@ -1,26 +1,29 @@
 #!/usr/bin/env bash
 # What the tests of derivatives and bounds show on a few materials, on many.
 #
-#   tests/inverse.sh bounds [MATERIALS [COPIES]]
+#   tests/inverse.sh bounds [MATERIALS [COPIES [FIRST]]]
 #
 # Refines COPIES (200) noisy copies of the pair of photographs of each of MATERIALS (10), and compares
 # the spread of every parameter with its Cramer-Rao bound.
 #
-#   tests/inverse.sh derivatives [MATERIALS [SIDE [ACCURACY [TIGHT]]]]
+#   tests/inverse.sh derivatives [MATERIALS [SIDE [ACCURACY [TIGHT [FIRST]]]]]
 #
 # Compares derivatives of images of SIDE x SIDE (16) pixels rendered to a relative ACCURACY (1e-3)
 # with extrapolated differences of images rendered to TIGHT (1e-4), over all views of the hard cases
 # and of MATERIALS (50).
+#
+# FIRST (0) is how many materials, or cases, an earlier run has done.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 case "${1:-}" in
   bounds)
-    export BRDFARM_MATERIALS="${2:-10}" BRDFARM_COPIES="${3:-200}"
+    export BRDFARM_MATERIALS="${2:-10}" BRDFARM_COPIES="${3:-200}" BRDFARM_FIRST="${4:-0}"
     ;;
   derivatives)
     export BRDFARM_MATERIALS="${2:-50}" BRDFARM_SIDE="${3:-16}"
     export BRDFARM_ACCURACY="${4:-1e-3}" BRDFARM_TIGHT_ACCURACY="${5:-1e-4}"
+    export BRDFARM_FIRST="${6:-0}"
     ;;
   *)
     sed -n '2,/^set /{/^#/p}' "$0" >&2

@@ -60,6 +60,8 @@ mod operating;
 #[cfg(feature = "postgres")]
 mod registering;
 #[cfg(feature = "postgres")]
+mod rows;
+#[cfg(feature = "postgres")]
 mod schema;
 #[cfg(feature = "postgres")]
 mod snapshot;
@@ -75,6 +77,8 @@ mod tests;
 mod turns;
 #[cfg(feature = "postgres")]
 mod window;
+#[cfg(feature = "postgres")]
+mod writing;
 
 pub use about::{Amendment, DatabaseError, Identity, Live, MeshBytes, is_database};
 #[cfg(not(feature = "postgres"))]

@@ -4,7 +4,7 @@ use super::{
     Shared,
     connecting::query,
     fault::{Fault, attempt},
-    locked_jobs::{job, json, mode, no_farm, number},
+    rows::{job, json, mode, no_farm, number},
     turns::is_finished,
     window::{Window, is_apart, last_material, stages},
 };

@@ -3,17 +3,18 @@
 use super::{
     connecting::{execute, query},
     fault::Fault,
+    rows::{json, mode, ms, no_farm, number, record, text, time},
+    writing::{end_leases, write_completions, write_images, write_jobs, write_leases, write_mode},
 };
 use deadpool_postgres::Transaction;
 use futures_util::try_join;
 use jobqueue::{
-    BlockCause, Changes, Completion, Holder, JobRecord, JobState, Lease, Mode, Policy, Queue,
-    RedundantRender, Stage, WorkerChange, WorkerRecord,
+    BlockCause, Changes, Completion, JobRecord, JobState, Lease, Mode, Policy, Queue,
+    RedundantRender, WorkerChange, WorkerRecord,
     identity::identity,
     token::{Token, WorkerId},
 };
 use jobstore::JobStoreError;
-use serde::de::DeserializeOwned;
 use std::{
     collections::{BTreeMap, BTreeSet},
     time::Duration,
@@ -434,176 +435,6 @@ async fn lock_leases(
     Ok(rows.iter().filter_map(lease).collect())
 }
 
-async fn end_leases(transaction: &Transaction<'_>, ended: &[i64]) -> Result<(), Fault> {
-    if !ended.is_empty() {
-        execute(transaction, include_str!("sql/end_leases.sql"), &[&ended]).await?;
-    }
-    Ok(())
-}
-
-async fn write_leases(
-    transaction: &Transaction<'_>,
-    held: &[(i64, &Holder, &Lease)],
-) -> Result<(), Fault> {
-    if held.is_empty() {
-        return Ok(());
-    }
-    let materials: Vec<i64> = held.iter().map(|held| held.0).collect();
-    let tokens: Vec<Vec<u8>> = held.iter().map(|held| held.1.token.to_message()).collect();
-    let workers: Vec<Vec<u8>> = held.iter().map(|held| held.1.worker.to_message()).collect();
-    let names: Vec<&str> = held.iter().map(|held| held.1.name.as_str()).collect();
-    let claimed: Vec<i64> = held.iter().map(|held| ms(held.2.claimed)).collect();
-    let expires: Vec<i64> = held.iter().map(|held| ms(held.2.expires)).collect();
-    let views: Vec<i64> = held
-        .iter()
-        .map(|held| i64::from(held.2.views_done))
-        .collect();
-    let progressed: Vec<i64> = held.iter().map(|held| ms(held.2.progressed)).collect();
-    execute(
-        transaction,
-        include_str!("sql/write_leases.sql"),
-        &[
-            &materials,
-            &tokens,
-            &workers,
-            &names,
-            &claimed,
-            &expires,
-            &views,
-            &progressed,
-        ],
-    )
-    .await?;
-    Ok(())
-}
-
-async fn write_mode(transaction: &Transaction<'_>, mode: Option<Mode>) -> Result<(), Fault> {
-    if let Some(mode) = mode {
-        let mode = text(&mode)?;
-        execute(transaction, include_str!("sql/write_mode.sql"), &[&mode]).await?;
-    }
-    Ok(())
-}
-
-async fn write_jobs(
-    transaction: &Transaction<'_>,
-    jobs: &BTreeMap<u32, &JobRecord>,
-) -> Result<(), Fault> {
-    if jobs.is_empty() {
-        return Ok(());
-    }
-    let materials: Vec<i64> = jobs.keys().map(|material| i64::from(*material)).collect();
-    let stages: Vec<&str> = jobs
-        .values()
-        .map(|job| stage_name(job.state.stage()))
-        .collect();
-    let priorities: Vec<i32> = jobs.values().map(|job| job.priority).collect();
-    let mut wanted = Vec::new();
-    let mut renderers: Vec<Option<&str>> = Vec::new();
-    let mut contradictors: Vec<Option<&str>> = Vec::new();
-    for job in jobs.values() {
-        let (redundant, renderer, contradictor) = match &job.state {
-            JobState::Completed {
-                worker, redundant, ..
-            } => match redundant {
-                RedundantRender::Agreed => (false, None, None),
-                RedundantRender::Disputed(dispute) => (
-                    dispute.holder.is_none(),
-                    Some(identity(worker)),
-                    Some(identity(&dispute.worker)),
-                ),
-                redundant => (
-                    *redundant == RedundantRender::Due,
-                    Some(identity(worker)),
-                    None,
-                ),
-            },
-            _ => (false, None, None),
-        };
-        wanted.push(redundant);
-        renderers.push(renderer);
-        contradictors.push(contradictor);
-    }
-    let failed = jobs.values().map(|job| {
-        let failures = job.failures.iter();
-        let mut names: Vec<&str> = failures.map(|failure| failure.worker.as_str()).collect();
-        names.sort_unstable();
-        names.dedup();
-        names.join("\u{1f}")
-    });
-    let failed: Vec<String> = failed.collect();
-    let records = jobs.values().map(|job| {
-        let kept = **job != JobRecord::default();
-        kept.then(|| text(job)).transpose()
-    });
-    let records = records.collect::<Result<Vec<Option<String>>, Fault>>()?;
-    execute(
-        transaction,
-        include_str!("sql/write_jobs.sql"),
-        &[
-            &materials,
-            &stages,
-            &priorities,
-            &wanted,
-            &renderers,
-            &contradictors,
-            &failed,
-            &records,
-        ],
-    )
-    .await?;
-    Ok(())
-}
-
-async fn write_completions(
-    transaction: &Transaction<'_>,
-    completions: &[&Completion],
-) -> Result<(), Fault> {
-    // A statement touches a row once: of one material the last counts.
-    let last = completions
-        .iter()
-        .map(|completion| (completion.material, *completion));
-    let last: BTreeMap<u32, &Completion> = last.collect();
-    if last.is_empty() {
-        return Ok(());
-    }
-    let materials: Vec<i64> = last.keys().map(|material| i64::from(*material)).collect();
-    let texts = last.values().copied().map(text);
-    let texts = texts.collect::<Result<Vec<String>, Fault>>()?;
-    let statement = include_str!("sql/write_completions.sql");
-    execute(transaction, statement, &[&materials, &texts]).await?;
-    Ok(())
-}
-
-async fn write_images(
-    transaction: &Transaction<'_>,
-    completions: &[&Completion],
-) -> Result<(), Fault> {
-    let images = completions.iter().flat_map(|completion| {
-        let views = (0..).zip(&completion.views);
-        views.map(|(view, image): (i32, _)| {
-            let place = (i64::from(completion.material), view, image.bytes as i64);
-            (image.digest.as_bytes().as_slice(), place)
-        })
-    });
-    let images: BTreeMap<&[u8], (i64, i32, i64)> = images.collect();
-    if images.is_empty() {
-        return Ok(());
-    }
-    let digests: Vec<&[u8]> = images.keys().copied().collect();
-    let materials: Vec<i64> = images.values().map(|place| place.0).collect();
-    let views: Vec<i32> = images.values().map(|place| place.1).collect();
-    let bytes: Vec<i64> = images.values().map(|place| place.2).collect();
-    let statement = include_str!("sql/write_images.sql");
-    execute(
-        transaction,
-        statement,
-        &[&digests, &materials, &views, &bytes],
-    )
-    .await?;
-    Ok(())
-}
-
 fn count(tally: &mut [i64; 7], job: &JobRecord, by: i64) {
     tally[job.state.stage() as usize] += by;
     if let JobState::Completed {
@@ -612,56 +443,5 @@ fn count(tally: &mut [i64; 7], job: &JobRecord, by: i64) {
     } = job.state
     {
         tally[6] += by;
-    }
-}
-
-/// A row's material and record.
-pub(super) fn job(row: &Row) -> Result<(u32, JobRecord), Fault> {
-    Ok((number(row.get(0))?, record(row.get(1))?))
-}
-
-/// The record of a job; none is one without a history.
-pub(super) fn record(text: Option<&str>) -> Result<JobRecord, Fault> {
-    text.map_or_else(|| Ok(JobRecord::default()), |text| json(text, "job"))
-}
-
-pub(super) fn mode(text: &str) -> Result<Mode, Fault> {
-    json(text, "mode")
-}
-
-pub(super) fn json<T: DeserializeOwned>(text: &str, what: &str) -> Result<T, Fault> {
-    let read = serde_json::from_str(text);
-    read.map_err(|error| Fault::damaged(format!("a {what} cannot be read: {error}")))
-}
-
-fn text<T: serde::Serialize>(value: &T) -> Result<String, Fault> {
-    serde_json::to_string(value).map_err(Fault::damaged)
-}
-
-pub(super) fn number(number: i64) -> Result<u32, Fault> {
-    u32::try_from(number).map_err(|_| Fault::damaged(format!("{number} is out of range")))
-}
-
-pub(super) fn time(milliseconds: i64) -> Duration {
-    Duration::from_millis(u64::try_from(milliseconds).unwrap_or_default())
-}
-
-pub(super) fn ms(time: Duration) -> i64 {
-    i64::try_from(time.as_millis()).unwrap_or(i64::MAX)
-}
-
-pub(super) fn no_farm() -> Fault {
-    Fault::damaged("the database has no dataset any more")
-}
-
-/// A stage as the database calls it.
-pub(super) fn stage_name(stage: Stage) -> &'static str {
-    match stage {
-        Stage::Pending => "pending",
-        Stage::Leased => "leased",
-        Stage::Completed => "completed",
-        Stage::Disputed => "disputed",
-        Stage::Quarantined => "set_aside",
-        Stage::Cancelled => "cancelled",
     }
 }

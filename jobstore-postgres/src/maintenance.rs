@@ -5,7 +5,8 @@ use super::{
     Amendment, Database, DatabaseError,
     connecting::query,
     fault::Fault,
-    locked_jobs::{LockMode, LockedJobs, json, number},
+    locked_jobs::{LockMode, LockedJobs},
+    rows::{json, number},
 };
 use deadpool_postgres::{ClientWrapper, Object};
 use jobqueue::{Changes, Completion, JobChange, JobRecord, JobState, Policy, RedundantRender};

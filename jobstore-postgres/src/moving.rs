@@ -5,8 +5,9 @@ use super::{
     connecting::{execute, query},
     fault::Fault,
     listing::worker,
-    locked_jobs::{LockMode, LockedJobs, json, mode, ms, no_farm, number, record},
+    locked_jobs::{LockMode, LockedJobs},
     maintenance::MaintenanceSession,
+    rows::{json, mode, ms, no_farm, number, record},
     schema,
 };
 use jobqueue::{Changes, JobChange, Policy, WorkerChange};

@@ -4,7 +4,8 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::Fault,
-    locked_jobs::{LockMode, LockedJobs, number},
+    locked_jobs::{LockMode, LockedJobs},
+    rows::number,
     window::{Window, is_apart, last_material, stages},
 };
 use deadpool_postgres::Transaction;

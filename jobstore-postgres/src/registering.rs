@@ -4,7 +4,7 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::attempt,
-    locked_jobs::ms,
+    rows::ms,
 };
 use jobqueue::token::WorkerId;
 use jobstore::JobStoreError;

@@ -8,8 +8,9 @@ use super::{
     Shared,
     connecting::{execute, query},
     fault::{Fault, attempt},
-    locked_jobs::{LockMode, LockedJobs, lock, ms, no_farm, time},
+    locked_jobs::{LockMode, LockedJobs, lock},
     operating::exclusively,
+    rows::{ms, no_farm, time},
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{Changes, LostLease};

@@ -18,7 +18,8 @@ use super::{
     Shared,
     connecting::{prepare, query},
     fault::{Fault, attempt},
-    locked_jobs::{LockMode, LockedJobs, lock, lock_rows, mode, no_farm, number, record, time},
+    locked_jobs::{LockMode, LockedJobs, lock, lock_rows},
+    rows::{mode, no_farm, number, record, time},
 };
 use claims::Claim;
 pub(super) use claims::is_finished;

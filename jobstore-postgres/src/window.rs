@@ -4,7 +4,7 @@
 use super::{
     connecting::query,
     fault::Fault,
-    locked_jobs::{number, stage_name},
+    rows::{number, stage_name},
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{Selection, Stage};

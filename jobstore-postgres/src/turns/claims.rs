@@ -5,7 +5,8 @@ use crate::{
     Shared,
     connecting::{execute, query},
     fault::Fault,
-    locked_jobs::{LockedJobs, json, number, time},
+    locked_jobs::LockedJobs,
+    rows::{json, number, time},
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{

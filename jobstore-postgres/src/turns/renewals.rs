@@ -3,7 +3,8 @@
 use crate::{
     connecting::execute,
     fault::Fault,
-    locked_jobs::{HeldLease, LockedJobs, ms},
+    locked_jobs::{HeldLease, LockedJobs},
+    rows::ms,
 };
 use deadpool_postgres::Transaction;
 use jobqueue::{Holder, JobRecord, JobState, Queue};
