@@ -68,7 +68,11 @@ impl Inspector {
     ///
     /// # Errors
     /// The same.
-    pub fn inspect(&self, bytes: &[u8], likely: &Likely<'_>) -> Result<ImageHeader, Rejection> {
+    pub fn inspect(
+        &self,
+        bytes: &[u8],
+        likely: Option<&Likely<'_>>,
+    ) -> Result<ImageHeader, Rejection> {
         let read = || self.read(bytes, likely);
         match panic::catch_unwind(AssertUnwindSafe(read)) {
             Ok(Some(header)) => Ok(header),
@@ -77,7 +81,7 @@ impl Inspector {
     }
 
     /// What the image says of itself; none unless all of it is as the renderer writes it.
-    fn read(&self, bytes: &[u8], likely: &Likely<'_>) -> Option<ImageHeader> {
+    fn read(&self, bytes: &[u8], likely: Option<&Likely<'_>>) -> Option<ImageHeader> {
         let rest = bytes.strip_prefix(&*self.start)?;
         let (text_bytes, rest) = rest.split_first_chunk()?;
         let text_bytes = u32::from_le_bytes(*text_bytes) as usize;
@@ -88,14 +92,12 @@ impl Inspector {
         if rest.first() != Some(&0) {
             return None;
         }
-        let header = if text == likely.text.as_bytes() {
-            likely.header.clone()
-        } else {
-            let header: ImageHeader = serde_json::from_slice(text).ok()?;
-            if header.to_json().as_bytes() != text {
-                return None;
+        let header = match likely {
+            Some(likely) if text == likely.text.as_bytes() => likely.header.clone(),
+            _ => {
+                let header: ImageHeader = serde_json::from_slice(text).ok()?;
+                (header.to_json().as_bytes() == text).then_some(header)?
             }
-            header
         };
         let table = self.start.len() + IMAGE_FILE_TEXT_OVERHEAD + text_bytes;
         let checked = check_blocks(bytes, table, &self.specification, |first_line, packed| {

@@ -165,11 +165,11 @@ impl Farm {
             validation::check_size_max(size, expected.bytes_max)?;
             validation::check_digest(bytes, digest)?;
             let headers = &expected.headers;
-            let likely = Likely {
-                header: headers.last().unwrap_or(&headers[0]),
+            let likely = headers.last().map(|header| Likely {
+                header,
                 text: &expected.last_text,
-            };
-            let header = inspector.inspect(bytes, &likely)?;
+            });
+            let header = inspector.inspect(bytes, likely.as_ref())?;
             let expected = headers.get(header.view as usize).unwrap_or(&headers[0]);
             validation::check_identity(&header, expected)?;
             let file = context.blobs.stage(digest, bytes)?;

@@ -27,7 +27,7 @@ use std::{io::Write, sync::Arc};
 const BATCH_ROWS: usize = 1024;
 
 /// Rows in a row group: what the encoder keeps in memory.
-const ROW_GROUP_ROWS: usize = 16 * BATCH_ROWS;
+const ROW_GROUP_ROWS: usize = 4 * BATCH_ROWS;
 
 /// The key of the file's metadata that holds the specification as JSON.
 pub(crate) const SPECIFICATION_KEY: &str = "brdfarm.specification";
