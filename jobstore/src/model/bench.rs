@@ -72,7 +72,7 @@ impl Bench {
         Some(self.tokens[index])
     }
 
-    fn job(&mut self, material: u32) -> &mut ModelJob {
+    pub(super) fn job(&mut self, material: u32) -> &mut ModelJob {
         &mut self.jobs[material as usize]
     }
 
@@ -459,50 +459,6 @@ impl Bench {
         }
     }
 
-    /// Blocks a worker in the model; returns which jobs that changes.
-    fn block(&mut self, worker: u8, cause: BlockCause) -> BTreeSet<u32> {
-        let ends = (cause == BlockCause::Failures).then_some(self.now + POLICY.block);
-        self.workers[worker as usize].block = Some((cause, ends));
-        self.take_from(|other| other == worker, cause)
-    }
-
-    /// Blocks whoever answers for a worker in the model; returns which jobs that changes.
-    fn distrust(&mut self, worker: u8) -> BTreeSet<u32> {
-        let liar = answers(worker);
-        match liar {
-            0 => self.workers[0].block = Some((BlockCause::Disagreement, None)),
-            _ => self.workers[liar as usize].distrusted = true,
-        }
-        self.take_from(|other| answers(other) == liar, BlockCause::Disagreement)
-    }
-
-    /// Takes from workers what they hold, and what only they vouch for if they lied.
-    fn take_from(&mut self, from: impl Fn(u8) -> bool, cause: BlockCause) -> BTreeSet<u32> {
-        let mut touched = BTreeSet::new();
-        for (material, job) in (0..).zip(&mut self.jobs) {
-            if job.lease.as_ref().is_some_and(|lease| from(lease.worker)) {
-                job.lease = None;
-                touched.insert(material);
-            }
-            if cause != BlockCause::Disagreement {
-                continue;
-            }
-            let agreed = job.opinions.len() == 2 && !job.is_disputed();
-            let delivered = job.opinions.first().is_some_and(|(_, by)| from(*by));
-            if delivered && !agreed {
-                job.opinions.clear();
-                job.lease = None;
-                touched.insert(material);
-            } else if job.is_disputed() && from(job.opinions[1].1) {
-                job.opinions.pop();
-                job.redundant_wanted = true;
-                job.lease = None;
-                touched.insert(material);
-            }
-        }
-        touched
-    }
-
     async fn draw_audits(&mut self, seed: u64) {
         let changes = self.job_store().draw_audits(seed).await.unwrap();
         let drawn = materials(&changes);
@@ -525,19 +481,6 @@ impl Bench {
         assert_eq!(drawn.len(), expected);
         for material in drawn {
             self.job(material).redundant_wanted = true;
-        }
-    }
-
-    fn back_to_the_queue(&mut self, material: u32) {
-        let job = self.job(material);
-        job.lease = None;
-        if job.hopeless() {
-            if job.is_disputed() || job.opinions.is_empty() {
-                job.opinions.clear();
-                job.quarantined = true;
-            } else {
-                job.redundant_wanted = false;
-            }
         }
     }
 

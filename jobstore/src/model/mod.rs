@@ -3,6 +3,7 @@
 //! ended.
 
 mod bench;
+mod blocks;
 mod checks;
 mod job;
 #[cfg(test)]
