@@ -144,14 +144,16 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
 /// everything is: in the store's folder, or in this one.
 fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
     let path = store.name().folder().unwrap_or(Path::new(""));
-    let manifest = path.join("manifest.parquet");
-    // A store that was asked for more before holds more than this run wanted.
-    let exported = export(store, Format::Parquet, true, &manifest)?;
+    // The sheet comes first: its pixels are one large piece of memory, which the system has back before
+    // the manifest takes small ones.
     let materials = store.specification().materials.min(SHEET_MATERIALS_MAX);
     let sheet = path.join("contact-sheet.png");
     let materials: Vec<u32> = (0..materials).collect();
     let views: Vec<u32> = (0..store.specification().views.len() as u32).collect();
     show::write_sheet(store, &materials, &views, 0.0, &sheet)?;
+    let manifest = path.join("manifest.parquet");
+    // A store that was asked for more before holds more than this run wanted.
+    let exported = export(store, Format::Parquet, true, &manifest)?;
     writeln!(out, "store          {}", store.name())?;
     writeln!(
         out,
