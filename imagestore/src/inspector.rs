@@ -119,3 +119,37 @@ impl Inspector {
         check_pixels(&block.map_err(unreadable)?, &self.specification.image)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::specification::Pixel;
+
+    /// A coordinator makes one of the specification that it is given.
+    #[test]
+    fn there_is_one_for_every_film_that_is_admitted() {
+        for (width, height) in [
+            (1, 1),
+            (1, 4096),
+            (4096, 1),
+            (33, 17),
+            (128, 128),
+            (4096, 4096),
+        ] {
+            for pixel in [Pixel::Half, Pixel::Float] {
+                let mut specification = Specification::preset();
+                specification.image.width = width;
+                specification.image.height = height;
+                specification.image.pixel = pixel;
+                let toml = specification.to_toml();
+                let specification = Specification::from_toml(&toml, "test").unwrap();
+                let hash = specification.hash();
+                let headers = validation::expected_headers(&specification, hash, 0);
+                let bytes_max = validation::image_bytes_max(&specification, &headers[3]);
+                let inspector = Inspector::new(Arc::new(specification));
+                let text = headers[3].to_json();
+                assert_eq!(inspector.image_bytes_max(text.len()), bytes_max);
+            }
+        }
+    }
+}
