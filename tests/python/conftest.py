@@ -1,10 +1,15 @@
 """What the tests share: a small specification, and a store of it."""
 
 import os
+import signal
 
 import pytest
 
 import brdfarm
+
+# Who starts the tests in the background has Ctrl-C ignored, and so have all that they start. Some of
+# these tests are about it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
