@@ -49,7 +49,7 @@ impl Bench {
         touched
     }
 
-    /// Takes a job from its holder; without hope it is not handed out again.
+    /// Takes a job from its holder. A hopeless one is not handed out again.
     pub(super) fn back_to_the_queue(&mut self, material: u32) {
         let job = self.job(material);
         job.lease = None;
