@@ -23,6 +23,7 @@ use training::fit::options::Options as TrainingOptions;
 use training::labels::reading::Reading;
 use training::model::Model;
 use training::pixels::encoding::Encoding;
+use training::pixels::noise::{CODE_STEPS, Noise};
 
 /// The name of the built-in specification on the command line.
 const PRESET: &str = "preset";
@@ -65,6 +66,10 @@ pub struct Options {
     /// as a set. Errors are then compared with the bounds
     #[arg(long, value_name = "FILE.parquet")]
     observability: Option<PathBuf>,
+    /// Add a camera's noise to the photographs that models and nearest read: Gaussian, of this
+    /// standard deviation in steps of an 8-bit code, the same for each of them
+    #[arg(long, value_name = "STEPS", value_parser = noise_steps)]
+    noise: Option<f32>,
     /// How a distribution over bins becomes a value
     #[arg(long, value_enum, default_value = "unbiased")]
     reading: ReadingName,
@@ -112,6 +117,24 @@ pub enum ReadingName {
     Unbiased,
 }
 
+/// Reads a standard deviation of noise, in steps of an 8-bit code.
+fn noise_steps(text: &str) -> Result<f32, String> {
+    let steps = text.parse().ok();
+    steps
+        .filter(|steps| (0.0..=CODE_STEPS).contains(steps))
+        .ok_or_else(|| format!("a standard deviation is a number from 0 to {CODE_STEPS}"))
+}
+
+impl Options {
+    /// The noise of the photographs.
+    fn noise(&self) -> Noise {
+        match self.noise {
+            Some(steps) => Noise::Camera { steps },
+            None => Noise::Exact,
+        }
+    }
+}
+
 /// Evaluates.
 pub fn execute(options: &Options) -> anyhow::Result<()> {
     rayon::ThreadPoolBuilder::new()
@@ -141,7 +164,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
         for ((path, model), name) in models.iter().zip(&names) {
             if model.options.identity.side == side {
                 model.check(path, &pairs)?;
-                let found = model.distributions(&pairs, &positions, &device)?;
+                let found = model.distributions(&pairs, &positions, options.noise(), &device)?;
                 let reader = model.reader(options.reading.reading());
                 let materials = found.iter();
                 all.push(Estimates {
@@ -241,21 +264,17 @@ fn evaluate(
 ) -> anyhow::Result<()> {
     let positions = positions(pairs, options)?;
     let observed = observed(options, pairs, &positions)?;
+    let nearest = || baselines::nearest(pairs, &positions, options.noise());
+    let refined = |film| refined(pairs, &positions, nearest(), models.first(), film);
     let mut all = Vec::new();
     for baseline in BTreeSet::from_iter(&options.baselines) {
         all.push(match baseline {
             Baseline::Guess => baselines::guess(pairs, &positions),
-            Baseline::Nearest => baselines::nearest(pairs, &positions),
-            Baseline::Refine => refined(pairs, &positions, models.first(), Film::Exact)?,
-            Baseline::RefineNoisy => refined(pairs, &positions, models.first(), Film::Noisy)?,
-            Baseline::RefineOff => {
-                let film = Film::Off { fitted: false };
-                refined(pairs, &positions, models.first(), film)?
-            }
-            Baseline::RefineOffFitted => {
-                let film = Film::Off { fitted: true };
-                refined(pairs, &positions, models.first(), film)?
-            }
+            Baseline::Nearest => nearest(),
+            Baseline::Refine => refined(Film::Exact)?,
+            Baseline::RefineNoisy => refined(Film::Noisy)?,
+            Baseline::RefineOff => refined(Film::Off { fitted: false })?,
+            Baseline::RefineOffFitted => refined(Film::Off { fitted: true })?,
         });
     }
     all.extend(models);
@@ -344,6 +363,7 @@ fn write(options: &Options, pairs: &Pairs, found: &Found) -> anyhow::Result<()> 
         dataset: pairs.specification.name.clone(),
         materials: judged.first().map_or(0, Vec::len),
         seen: seen.clone(),
+        noise: options.noise,
         machine: machine(),
         networks: networks.clone(),
         bounds: bounds.transpose()?,
@@ -396,12 +416,12 @@ impl ReadingName {
 fn refined(
     pairs: &Pairs,
     positions: &[usize],
+    nearest: Estimates,
     model: Option<&Estimates>,
     film: Film,
 ) -> anyhow::Result<Estimates> {
-    let nearest = baselines::nearest(pairs, positions).materials.into_iter();
+    let nearest = nearest.materials.into_iter().enumerate();
     let starts: Vec<Vec<Material>> = nearest
-        .enumerate()
         .map(|(place, nearest)| {
             let estimate = model.map(|model| model.materials[place]);
             estimate.into_iter().chain([nearest]).collect()

@@ -160,6 +160,12 @@ fn a_damaged_cache_is_made_anew_and_a_model_of_another_dataset_is_refused() {
     assert_says(&said, &["junk.safetensors", "no model"]);
 }
 
+/// The row of an estimator in the table that an evaluation prints.
+fn row<'a>(table: &'a str, name: &str) -> &'a str {
+    let mut lines = table.lines();
+    lines.find(|line| line.starts_with(name)).unwrap()
+}
+
 #[test]
 fn an_evaluation_judges_models_and_baselines() {
     let place = exported();
@@ -179,14 +185,40 @@ fn an_evaluation_judges_models_and_baselines() {
     let renderer = "--materials 1 --baselines refine-off,refine-off-fitted --out off";
     let table = place.succeed(&format!("evaluate --data pairs {renderer}"));
     let median = |name: &str| -> f64 {
-        let line = table.lines().find(|line| line.starts_with(name)).unwrap();
-        line.split_whitespace().nth(1).unwrap().parse().unwrap()
+        row(&table, name)
+            .split_whitespace()
+            .nth(1)
+            .unwrap()
+            .parse()
+            .unwrap()
     };
     // A degree shows in what is found where nobody looks for it.
     assert!(
         median("refine-off-fitted ") < median("refine-off "),
         "{table}"
     );
+}
+
+#[test]
+fn noise_of_photographs_shows_in_what_is_made_of_them() {
+    let place = exported();
+    place.succeed(&format!("{TRAIN} --variant cnn0 --out cnn0"));
+    let evaluate = "evaluate cnn0 --data pairs --out judged";
+    let exact = place.succeed(evaluate);
+    assert_eq!(place.succeed(&format!("{evaluate} --noise 0")), exact);
+    let noisy = place.succeed(&format!("{evaluate} --noise 255"));
+    for name in ["nearest", "cnn0"] {
+        assert_ne!(row(&noisy, name), row(&exact, name));
+    }
+    assert_eq!(row(&noisy, "guess"), row(&exact, "guess"));
+    let page = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
+    assert!(page.contains("deviation of 255 steps"), "{page}");
+    for steps in ["-1", "nan", "256"] {
+        let output = place.run(&format!("{evaluate} --noise={steps}"));
+        assert_eq!(output.status.code(), Some(2));
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_says(&said, &["--noise", "from 0 to 255"]);
+    }
 }
 
 #[test]

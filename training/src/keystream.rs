@@ -18,6 +18,8 @@ pub(crate) enum Purpose {
     Dropout,
     /// Noise of photographs that estimators are judged on; the stream is material and view.
     Photograph,
+    /// Noise of the codes that networks are judged on; the stream is the material.
+    Judged,
     /// Materials drawn from what a model says; the stream is 0.
     Draws,
     /// Bootstrap samples of the evaluation; the stream is the figure.
@@ -32,6 +34,7 @@ pub(crate) fn keystream(seed: u64, purpose: Purpose, stream: u64) -> ChaCha8Rng 
         Purpose::Noise => b"brdfarm train noise     ",
         Purpose::Dropout => b"brdfarm train dropout   ",
         Purpose::Photograph => b"brdfarm train photograph",
+        Purpose::Judged => b"brdfarm train judged    ",
         Purpose::Draws => b"brdfarm estimate draws  ",
         Purpose::Bootstrap => b"brdfarm train bootstrap ",
     };

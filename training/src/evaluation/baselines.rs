@@ -6,6 +6,7 @@ use crate::fit::inputs::Codes;
 use crate::labels::PARAMETERS;
 use crate::labels::axes::{Colours, PSI};
 use crate::pixels::encoding::Encoding;
+use crate::pixels::noise::Noise;
 use dataset::Split;
 use rayon::prelude::*;
 
@@ -37,13 +38,16 @@ pub fn guess(pairs: &Pairs, positions: &[usize]) -> Estimates {
 }
 
 /// The training material whose pair of photographs is nearest: the least sum of squared differences
-/// of logarithmic codes.
-pub fn nearest(pairs: &Pairs, positions: &[usize]) -> Estimates {
+/// of logarithmic codes. The training materials' have no noise.
+pub fn nearest(pairs: &Pairs, positions: &[usize], noise: Noise) -> Estimates {
     let codes = Codes::new(pairs, ENCODING);
     let training = pairs.positions(Split::Train);
-    let rows: Vec<Vec<f32>> = training.par_iter().map(|&p| codes.row(p)).collect();
+    let rows: Vec<Vec<f32>> = training
+        .par_iter()
+        .map(|&p| codes.row(p, Noise::Exact))
+        .collect();
     let nearest = positions.par_iter().map(|&position| {
-        let wanted = codes.row(position);
+        let wanted = codes.row(position, noise);
         let (mut best, mut least) = (0, f32::INFINITY);
         for (place, row) in rows.iter().enumerate() {
             let distance = distance(&wanted, row);

@@ -23,6 +23,9 @@ pub struct Context {
     pub materials: usize,
     /// Those of the judged views that estimators saw.
     pub seen: Vec<u32>,
+    /// The noise of the photographs that networks and the nearest material read: its standard
+    /// deviation in steps of an 8-bit code.
+    pub noise: Option<f32>,
     /// The machine: processor, cores.
     pub machine: String,
     /// The networks' names and how they were trained.
@@ -54,6 +57,10 @@ pub fn compose(
                     (format!("{:?}", context.seen)) ", of " (context.materials) " materials of the test split of " (context.dataset)
                     ". Its estimates were rendered again in every view, at 32 pixels a side, and "
                     "compared with the truth. Machine: " (context.machine) "."
+                }
+                @if let Some(steps) = context.noise {
+                    p { "The photographs that networks and nearest read had noise of a standard "
+                        "deviation of " (steps) " steps of an 8-bit code." }
                 }
                 @if !context.networks.is_empty() {
                     h2 { "Networks" }

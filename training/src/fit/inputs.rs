@@ -3,7 +3,7 @@
 use crate::data::Pairs;
 use crate::pixels::CHANNELS;
 use crate::pixels::encoding::Encoding;
-use crate::pixels::noise::add_noise;
+use crate::pixels::noise::Noise;
 use crate::pixels::normalisation::{Moments, Normalisation};
 use dataset::Split;
 use half::f16;
@@ -51,11 +51,16 @@ impl<'a> Codes<'a> {
         }
     }
 
-    /// The codes of the material at a position.
-    pub fn row(&self, position: usize) -> Vec<f32> {
+    /// The codes of the material at a position, with noise.
+    pub fn row(&self, position: usize, noise: Noise) -> Vec<f32> {
         let mut row = vec![0.0; CHANNELS * self.pairs.side() * self.pairs.side()];
-        self.fill(position, &mut row);
+        self.fill_noisy(position, noise, None, &mut row);
         row
+    }
+
+    fn fill_noisy(&self, position: usize, noise: Noise, epoch: Option<u32>, row: &mut [f32]) {
+        self.fill(position, row);
+        noise.add(row, self.code_max, epoch, self.pairs.labels[position].index);
     }
 
     /// Sums over the training split.
@@ -87,8 +92,8 @@ pub struct Photographs<'a> {
     pub codes: &'a Codes<'a>,
     /// How they are normalised.
     pub normalisation: Normalisation,
-    /// The seed of the noise, if there is any.
-    pub noise_seed: Option<u64>,
+    /// The noise.
+    pub noise: Noise,
 }
 
 impl Inputs for Photographs<'_> {
@@ -97,11 +102,7 @@ impl Inputs for Photographs<'_> {
     }
 
     fn fill(&self, position: usize, epoch: Option<u32>, row: &mut [f32]) {
-        self.codes.fill(position, row);
-        if let (Some(seed), Some(epoch)) = (self.noise_seed, epoch) {
-            let material = self.codes.pairs.labels[position].index;
-            add_noise(row, self.codes.code_max, seed, epoch, material);
-        }
+        self.codes.fill_noisy(position, self.noise, epoch, row);
         self.normalisation.apply(row);
     }
 }

@@ -31,6 +31,7 @@ use crate::model::{Model, ModelOptions};
 use crate::network::estimator::{Estimator, new_head};
 use crate::network::head::Head;
 use crate::network::trunk::Trunk;
+use crate::pixels::noise::Noise;
 use crate::pixels::normalisation::Normalisation;
 use crate::variant::{HeadPlan, Variant};
 use burn::module::Module;
@@ -221,7 +222,12 @@ impl Training<'_> {
             let photographs = Photographs {
                 codes: self.codes,
                 normalisation,
-                noise_seed: self.options.noise.then_some(self.options.seed),
+                noise: match self.options.noise {
+                    true => Noise::Augmentation {
+                        seed: self.options.seed,
+                    },
+                    false => Noise::Exact,
+                },
             };
             let cnn = self.train_cnn(which, &photographs)?.valid();
             if variant.has_blocks() {

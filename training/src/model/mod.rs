@@ -12,6 +12,7 @@ use crate::labels::reading::{Reader, Reading};
 use crate::labels::{BINS, PARAMETERS};
 use crate::network::estimator::Estimator;
 use crate::pixels::CHANNELS;
+use crate::pixels::noise::Noise;
 use crate::pixels::normalisation::Normalisation;
 use burn::store::{BurnToPyTorchAdapter, ModuleSnapshot, PyTorchToBurnAdapter, SafetensorsStore};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -151,7 +152,7 @@ impl Model {
         Ok(())
     }
 
-    /// What the model says of materials, by their positions in `pairs`.
+    /// What the model says of materials, by their positions in `pairs`, from photographs with noise.
     ///
     /// # Errors
     /// When the device fails.
@@ -159,6 +160,7 @@ impl Model {
         &self,
         pairs: &Pairs,
         positions: &[usize],
+        noise: Noise,
         device: &Device,
     ) -> Result<Vec<Distributions>, TrainingError> {
         let codes = Codes::new(pairs, self.options.training.encoding);
@@ -166,7 +168,7 @@ impl Model {
             normalisation.map(|normalisation| Photographs {
                 codes: &codes,
                 normalisation,
-                noise_seed: None,
+                noise,
             })
         });
         let mut all = Vec::with_capacity(positions.len());

@@ -15,6 +15,7 @@ use training::fit::options::Preset;
 use training::fit::{Files, train};
 use training::labels::{BINS, PARAMETERS};
 use training::model::Model;
+use training::pixels::noise::Noise;
 use training::variant::Variant;
 
 /// Materials whose logits are compared.
@@ -49,7 +50,7 @@ fn check(preset: Preset, variant: Variant) {
         let photographs = Photographs {
             codes: &codes,
             normalisation: normalisation?,
-            noise_seed: None,
+            noise: Noise::Exact,
         };
         Some(photographs.rows(&positions, None))
     });
