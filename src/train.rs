@@ -15,7 +15,7 @@ use training::TrainingError;
 use training::data::{Pairs, Source};
 use training::device::Accelerator;
 use training::fit::checkpoint::MODEL;
-use training::fit::options::{LossWeights, Options as TrainingOptions, Preset, Whiten};
+use training::fit::options::{LossWeights, MetricLoss, Options as TrainingOptions, Preset, Whiten};
 use training::fit::state::EpochLine;
 use training::fit::{Files, Progress, train};
 use training::labels::axes::Colours;
@@ -72,6 +72,11 @@ pub struct Options {
         requires_if("observable", "observability")
     )]
     weights: WeightsName,
+    /// Also teach networks not to change the two photographs: add SHARE times ln(1 + q) to the loss. q
+    /// is how much the mean of what a network says would change them, squared, in standard deviations
+    /// of noise of two steps of an 8-bit code; to second order. It needs --observability
+    #[arg(long, value_name = "SHARE", value_parser = share, requires = "observability")]
+    metric: Option<f64>,
     /// A table from `brdfarm dataset observability` that has the two views as a set
     #[arg(long, value_name = "FILE.parquet")]
     observability: Option<PathBuf>,
@@ -116,6 +121,14 @@ enum WeightsName {
     Observable,
 }
 
+/// Reads how much a loss counts.
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok();
+    share
+        .filter(|share| *share > 0.0 && *share <= 1e3)
+        .ok_or_else(|| "a share is a number above 0, up to 1000".to_owned())
+}
+
 /// A parser of the names that serde gives to the values of a type.
 fn named<T>(names: &'static [&'static str]) -> impl TypedValueParser<Value = T>
 where
@@ -157,16 +170,22 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
     bar.finish_and_clear();
     let pairs = pairs?;
     let table = options.observability.as_deref();
-    let table = table.filter(|_| options.weights == WeightsName::Observable);
+    let by_weight = options.weights == WeightsName::Observable;
+    let table = table.filter(|_| by_weight || options.metric.is_some());
     let observed = table.map(|path| {
         let encoding = training.encoding.name();
         observability::read(path, &pairs.identity.views, encoding)
     });
     let observed = observed.transpose().map_err(TrainingError::from)?;
     if let Some(observed) = &observed {
-        training.weights = LossWeights::Observable {
-            table: observed.digest.to_string(),
-        };
+        let table = observed.digest.to_string();
+        training.metric = options.metric.map(|share| MetricLoss {
+            share,
+            table: table.clone(),
+        });
+        if by_weight {
+            training.weights = LossWeights::Observable { table };
+        }
     }
     let show = Show::new();
     let files = Files {

@@ -208,3 +208,32 @@ fn losses_count_as_much_as_photographs_show() {
     let output = place.run(&format!("{train} a --weights observable"));
     assert_eq!(output.status.code(), Some(2));
 }
+
+#[test]
+fn a_training_can_learn_not_to_change_photographs() {
+    let place = exported();
+    place.succeed("dataset observability --store store --side 8 --sets 0,1 --out shown.parquet");
+    let metric = "--metric 0.5 --observability shown.parquet";
+    let train = |out: &str, rest: &str| format!("{TRAIN} --variant nested {rest} --out {out}");
+    place.succeed(&train("plain", ""));
+    place.succeed(&train("taught", metric));
+    place.succeed(&train("again", &format!("{metric} --threads 1")));
+    let file = |out: &str, name: &str| fs::read(place.path().join(out).join(name)).unwrap();
+    for name in ["log.csv", "model.safetensors"] {
+        assert!(file("taught", name) == file("again", name), "{name}");
+        assert!(file("taught", name) != file("plain", name), "{name}");
+    }
+    place.succeed("evaluate plain taught --data pairs --out judged");
+    let page = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
+    assert!(page.contains("<td>0.5</td>"), "{page}");
+
+    let said = fail(&place, &train("plain", metric), 2);
+    assert_says(&said, &["plain", "metric"]);
+    for share in ["0", "-1", "nan", "1001"] {
+        let rest = format!("--metric={share} --observability shown.parquet");
+        let output = place.run(&train("a", &rest));
+        assert_eq!(output.status.code(), Some(2), "{share}");
+    }
+    let output = place.run(&train("a", "--metric 1"));
+    assert_eq!(output.status.code(), Some(2));
+}

@@ -108,7 +108,7 @@ fn networks(networks: &[(String, Options)]) -> Markup {
             thead { tr {
                 th { "network" } th { "preset" } th { "variant" } th { "pixels a side" }
                 th { "pixel codes" } th { "colours of labels" } th { "CNN_w's whitening" }
-                th { "loss weights" } th { "noise" } th { "epochs, CNN and block" } th { "seed" }
+                th { "loss weights" } th { "metric loss" } th { "noise" } th { "epochs, CNN and block" } th { "seed" }
             } }
             tbody { @for (name, options) in networks { tr {
                 td { (name) }
@@ -124,6 +124,10 @@ fn networks(networks: &[(String, Options)]) -> Markup {
                 td { @match options.weights {
                     LossWeights::Paper => "the variant's",
                     LossWeights::Observable { .. } => "observable",
+                } }
+                td { @match &options.metric {
+                    Some(metric) => (metric.share),
+                    None => "none",
                 } }
                 td { @if options.noise { "yes" } @else { "no" } }
                 td { (options.cnn_epochs) ", " (options.block_epochs) }

@@ -374,6 +374,7 @@ impl Training<'_> {
             outputs,
             pairs: self.pairs,
             targets: &self.targets,
+            metric: self.options.metric.as_ref().map(|metric| metric.share),
             epochs: match name {
                 StageName::Block(_) => self.options.block_epochs,
                 StageName::Cnn(_) => self.options.cnn_epochs,

@@ -64,6 +64,15 @@ pub enum LossWeights {
     },
 }
 
+/// What is added to the loss for what readings would change in the two photographs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MetricLoss {
+    /// How much a nat of it counts beside one of cross-entropy; above 0.
+    pub share: f64,
+    /// Digest of the table that says how much photographs change.
+    pub table: String,
+}
+
 /// Everything that decides the weights, with the pairs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Options {
@@ -86,6 +95,9 @@ pub struct Options {
     /// How much the loss of each parameter counts.
     #[serde(default)]
     pub weights: LossWeights,
+    /// What is added to the loss for what readings would change, if anything.
+    #[serde(default)]
+    pub metric: Option<MetricLoss>,
     /// Whether photographs get noise.
     pub noise: bool,
     /// Whether a quarter of activations is dropped while learning.
@@ -144,6 +156,7 @@ impl Preset {
             continuous: false,
             whiten: Whiten::Dataset,
             weights: LossWeights::Paper,
+            metric: None,
             noise: false,
             dropout: true,
             optimiser,

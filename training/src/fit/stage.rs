@@ -11,7 +11,7 @@ use crate::keystream::{Purpose, keystream};
 use crate::labels::BINS;
 use crate::labels::loss::cross_entropy;
 use crate::network::dropout::Dropout;
-use crate::network::loss::{cross_entropies, weighted_mean};
+use crate::network::loss::{cross_entropies, metric_loss, weighted_mean};
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::optim::{AdamWConfig, GradientsParams, ModuleOptimizer, SgdConfig};
 use burn::store::ModuleRecord;
@@ -37,6 +37,8 @@ pub struct Stage<'a> {
     pub pairs: &'a Pairs,
     /// Targets of all parameters.
     pub targets: &'a Targets,
+    /// How much the metric loss counts beside the cross-entropy, if it does.
+    pub metric: Option<f64>,
     /// Epochs, at most.
     pub epochs: u32,
     /// Epochs without a better excess after which it ends.
@@ -266,7 +268,18 @@ impl Stage<'_> {
         };
         let weights: Vec<f32> = positions.iter().flat_map(of_material).collect();
         let weights = tensor(weights, [batch, count], &self.device);
-        weighted_mean(cross_entropies(logits, targets), weights)
+        let loss = weighted_mean(cross_entropies(logits.clone(), targets), weights);
+        let Some(share) = self.metric else {
+            return loss;
+        };
+        let offsets = self.targets.offsets(positions, &parameters);
+        let metrics = self.targets.metrics(positions, &parameters);
+        let metric = metric_loss(
+            logits,
+            tensor(offsets, shape, &self.device),
+            tensor(metrics, [batch, count, count], &self.device),
+        );
+        loss + metric.mul_scalar(share)
     }
 }
 

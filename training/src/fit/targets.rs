@@ -1,13 +1,14 @@
 //! The targets of all materials.
 
-use super::options::Options;
-use crate::data::{Identity, Pairs};
+use super::options::{LossWeights, Options};
+use crate::data::{Identity, Label, Pairs};
 use crate::error::TrainingError;
 use crate::labels::axes::Axis;
+use crate::labels::metric::metric;
 use crate::labels::observable::weights;
 use crate::labels::target::entropy;
 use crate::labels::{BINS, PARAMETERS};
-use export::observability::Observed;
+use export::observability::{Observed, ObservedMaterial};
 
 /// Targets and their entropies, by the position of a material.
 pub struct Targets {
@@ -15,6 +16,11 @@ pub struct Targets {
     values: Vec<f32>,
     entropies: Vec<[f64; PARAMETERS]>,
     weights: Vec<[f32; PARAMETERS]>,
+    // Where labels lie, in bins.
+    places: Vec<[f64; PARAMETERS]>,
+    circular: [bool; PARAMETERS],
+    // Empty without a metric loss.
+    metrics: Vec<[f32; PARAMETERS * PARAMETERS]>,
 }
 
 impl Targets {
@@ -30,6 +36,7 @@ impl Targets {
         let axes = options.colours.axes();
         let mut values = Vec::with_capacity(pairs.labels.len() * PARAMETERS * BINS);
         let mut entropies = Vec::with_capacity(pairs.labels.len());
+        let mut places = Vec::with_capacity(pairs.labels.len());
         for label in &pairs.labels {
             let numbers = options.colours.values(&label.material);
             let mut floors = [0.0; PARAMETERS];
@@ -40,16 +47,64 @@ impl Targets {
                 values.extend(target.map(|weight| weight as f32));
             }
             entropies.push(floors);
+            places.push(std::array::from_fn(|p| axes[p].position(numbers[p])));
         }
-        let weights = match observed {
-            None => vec![[1.0; PARAMETERS]; pairs.labels.len()],
-            Some(observed) => observable_weights(pairs, options, observed)?,
+        let colours = options.colours;
+        let weights = match (&options.weights, observed) {
+            (LossWeights::Observable { .. }, Some(observed)) => {
+                each_observed(pairs, observed, |label, found| {
+                    let tint = pairs.specification.tint;
+                    weights(&found.information, &label.material, tint, colours)
+                        .map(|weight| weight as f32)
+                })?
+            }
+            _ => vec![[1.0; PARAMETERS]; pairs.labels.len()],
+        };
+        let metrics = match (&options.metric, observed) {
+            (Some(_), Some(observed)) => each_observed(pairs, observed, |label, found| {
+                metric(&found.information, &label.material, colours).map(|entry| entry as f32)
+            })?,
+            _ => Vec::new(),
         };
         Ok(Self {
             values,
             entropies,
             weights,
+            places,
+            circular: axes.map(|axis| axis.circular),
+            metrics,
         })
+    }
+
+    /// How far the middle of each bin lies from the label, as a share of the range, for parameters of
+    /// materials, one behind the other.
+    pub fn offsets(&self, positions: &[usize], parameters: &[usize]) -> Vec<f32> {
+        let mut offsets = Vec::with_capacity(positions.len() * parameters.len() * BINS);
+        for &position in positions {
+            for &parameter in parameters {
+                let place = self.places[position][parameter];
+                let offset = |bin: usize| (bin as f64 - place) / BINS as f64;
+                offsets.extend((0..BINS).map(|bin| match self.circular[parameter] {
+                    // The shorter way round.
+                    true => (offset(bin) - libm::round(offset(bin))) as f32,
+                    false => offset(bin) as f32,
+                }));
+            }
+        }
+        offsets
+    }
+
+    /// How much the photographs of materials change with some of the parameters while the others are
+    /// true: a matrix for each, one behind the other.
+    pub fn metrics(&self, positions: &[usize], parameters: &[usize]) -> Vec<f32> {
+        let mut metrics = Vec::with_capacity(positions.len() * parameters.len().pow(2));
+        for &position in positions {
+            for row in parameters {
+                let entries = parameters.iter().map(|column| row * PARAMETERS + column);
+                metrics.extend(entries.map(|at| self.metrics[position][at]));
+            }
+        }
+        metrics
     }
 
     /// How much the loss of a parameter of a material counts, 0.001 to 1.
@@ -79,12 +134,12 @@ impl Targets {
     }
 }
 
-/// How much each loss counts, by the position of a material.
-fn observable_weights(
+/// What follows from what photographs show of each material, by its position.
+fn each_observed<T>(
     pairs: &Pairs,
-    options: &Options,
     observed: &Observed,
-) -> Result<Vec<[f32; PARAMETERS]>, TrainingError> {
+    of: impl Fn(&Label, &ObservedMaterial) -> T,
+) -> Result<Vec<T>, TrainingError> {
     let Identity {
         specification,
         renderer_version,
@@ -96,17 +151,15 @@ fn observable_weights(
                 .to_owned(),
         ));
     }
-    let weights = pairs.labels.iter().map(|label| {
+    let each = pairs.labels.iter().map(|label| {
         let found = observed.materials.get(&label.index);
         let found = found.ok_or_else(|| {
             let index = label.index;
             TrainingError::Input(format!("the table of observability lacks material {index}"))
         })?;
-        let (tint, colours) = (pairs.specification.tint, options.colours);
-        let weights = weights(&found.information, &label.material, tint, colours);
-        Ok(weights.map(|weight| weight as f32))
+        Ok(of(label, found))
     });
-    weights.collect()
+    each.collect()
 }
 
 /// Where a label's target is centred, in bins.

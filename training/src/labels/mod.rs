@@ -6,12 +6,14 @@
 //! | [`target`] | a label as a smoothed distribution over bins |
 //! | [`loss`] | the cross-entropy of logits and targets, in 64 bits |
 //! | [`observable`] | how much a material's photographs tell of each |
+//! | [`metric`] | how much they change with each |
 //! | [`reading`] | a distribution over bins as one position |
 //! | [`interval`] | and as an interval |
 
 pub mod axes;
 pub mod interval;
 pub mod loss;
+pub mod metric;
 pub mod observable;
 pub mod reading;
 pub mod target;
