@@ -16,162 +16,185 @@ fn refusal(text: &str) -> String {
         .to_string()
 }
 
+/// A text and the sentence by which it is refused.
+type Fault = (&'static str, &'static str);
+
+/// Keys that there are not.
+const UNKNOWN_KEYS: &[Fault] = &[
+    (
+        "widht = 3",
+        "set.toml:1:1: unknown key `widht`; did you mean `image.width`?",
+    ),
+    (
+        "[image]\nwidht = 3",
+        "set.toml:2:1: unknown key `image.widht`; did you mean `image.width`?",
+    ),
+    (
+        "[light]\ndistance = 1",
+        "set.toml:2:1: unknown key `light.distance`; did you mean `light.distance_m`?",
+    ),
+    (
+        "[camera]\nradius_m = 1",
+        "set.toml:2:1: unknown key `camera.radius_m`; did you mean `light.radius_m`?",
+    ),
+    (
+        "[[views]]\n[[views]]\nrotation = 1",
+        "set.toml:3:1: unknown key `views[1].rotation`; did you mean \
+         `views[1].rotation_deg`?",
+    ),
+    (
+        "[sample]\nqqqq = 1",
+        "set.toml:2:1: unknown key `sample.qqqq`; the keys here are shape, side_m, mesh",
+    ),
+];
+
+/// Values of another type.
+const WRONG_TYPES: &[Fault] = &[
+    (
+        "[image]\nwidth = 3.0",
+        "set.toml:2:9: `image.width` must be an integer, but is the float 3.0",
+    ),
+    (
+        "name = 2020-01-01",
+        "set.toml:1:8: `name` must be a text, but is a date or time",
+    ),
+    (
+        "tint = \"hues\"",
+        "set.toml:1:8: `tint` must be \"hue\" or \"product\", but is the text \"hues\"",
+    ),
+    (
+        "image = 3",
+        "set.toml:1:9: `image` must be a table, but is the integer 3",
+    ),
+    (
+        "[views]",
+        "set.toml:1:1: `views` must be a list of views, but is a table",
+    ),
+    (
+        "[[views]]\nchecker = 1",
+        "set.toml:2:11: `views[0].checker` must be true or false, but is the integer 1",
+    ),
+    (
+        "[parameters]\nior = [1, 2, 3]",
+        "set.toml:2:7: `parameters.ior` must be a list of two numbers, [low, high], but is \
+         a list of 3",
+    ),
+    (
+        "[parameters]\nior = [1, \"é\"]",
+        "set.toml:2:11: `parameters.ior[1]` must be a number, but is the text \"é\"",
+    ),
+    (
+        "[checker]\npatches_srgb8 = [[1, 2, 256]]",
+        "set.toml:2:25: `checker.patches_srgb8[0]` must be a colour of three integers, \
+         [red, green, blue], 0 to 255 each, but is the integer 256",
+    ),
+];
+
+/// Values that may not be.
+const OUT_OF_RANGE: &[Fault] = &[
+    (
+        "materials = 0",
+        "set.toml:1:13: `materials` is 0, but must be 1 to 1000000",
+    ),
+    (
+        "seed = -1",
+        "set.toml:1:8: `seed` is -1, but must be 0 to 9223372036854775807",
+    ),
+    (
+        "[image]\nheight = 99999999999999999999999999999999999999999999999999",
+        "set.toml:2:10: `image.height` is 9999999999999999999999999999999999999999..., but \
+         must be 1 to 4096",
+    ),
+    (
+        "[accuracy]\nabsolute = nan",
+        "set.toml:2:12: `accuracy.absolute` is nan, but must be 1e-9 to 1",
+    ),
+    (
+        "[accuracy]\nabsolute = 1e999",
+        "set.toml:2:12: `accuracy.absolute` is 1e999, but must be 1e-9 to 1",
+    ),
+    (
+        "[integrator]\nsamples_per_pixel = 100",
+        "set.toml:2:21: `integrator.samples_per_pixel` is 100, but must be a power of two, \
+         16 to 1048576",
+    ),
+    (
+        "name = \"../x\"",
+        "set.toml:1:8: `name` is \"../x\", but must be 1 to 64 of the characters \
+         a-z A-Z 0-9 - _ . and start with a letter or digit",
+    ),
+    (
+        "views = []",
+        "set.toml:1:9: `views` has 0 entries, but must have 1 to 64",
+    ),
+    (
+        "[parameters]\nior = [3, 2]",
+        "set.toml:2:7: `parameters.ior` runs from 3 down to 2, but the lower end must come \
+         first",
+    ),
+];
+
+/// Values that do not go together; the place is that of the value which the file gives.
+const WRONG_TOGETHER: &[Fault] = &[
+    (
+        "[checker]\ncolumns = 5",
+        "set.toml:2:11: `checker.patches_srgb8` must have 30 colours, for 5 columns of 6 \
+         rows, but has 24",
+    ),
+    (
+        "[sample]\nside_m = 0.2",
+        "set.toml:2:10: `checker.lower_edge_y_m` is 0.055, but must be at least half the \
+         sample's side, 0.1, or the chart cuts the sample",
+    ),
+    (
+        "[light]\nradius_m = 0.001",
+        "set.toml:2:12: `light.radius_m` is so small that the bulb, (distance_m / \
+         radius_m)^2 = 1000000 times white, is brighter than a half float holds (65504); \
+         make it larger or set image.pixel to \"float\"",
+    ),
+    (
+        "[light]\nradius_m = 0.75",
+        "set.toml:2:12: `views[0].light_elevation_deg` puts the bulb's centre \
+         0.7071067811865476 m above the sample's plane, but its radius is 0.75 m; the bulb \
+         must be clear of the plane",
+    ),
+    (
+        "[[views]]\nlight_elevation_deg = 15\nchecker = true",
+        "set.toml:3:11: `views[0].checker` puts the bulb on or behind the plane of the \
+         chart, which would shade the sample; raise the light, lower checker.tilt_deg or \
+         leave the chart out",
+    ),
+    (
+        "[camera]\ndistance_m = 1\n[[views]]\ncamera_elevation_deg = 90\n\
+         light_elevation_deg = 90",
+        "set.toml:4:24: `views[0].camera_elevation_deg` puts the camera inside the bulb; \
+         move one of them",
+    ),
+];
+
+/// What is no TOML.
+const NO_TOML: &[Fault] = &[
+    (
+        "[image]\nwidth = 1\nwidth = 2",
+        "set.toml:3:1: this is not TOML: duplicate key",
+    ),
+    (
+        "[checker]\npatches_srgb8 = [[1, 2, 3],\n",
+        "set.toml:2:28: this is not TOML: unclosed array, expected `]`; the file ends here: \
+         is it cut short?",
+    ),
+];
+
 #[test]
 fn every_fault_is_one_sentence_with_its_place() {
     let faults = [
-        // Unknown keys.
-        (
-            "widht = 3",
-            "set.toml:1:1: unknown key `widht`; did you mean `image.width`?",
-        ),
-        (
-            "[image]\nwidht = 3",
-            "set.toml:2:1: unknown key `image.widht`; did you mean `image.width`?",
-        ),
-        (
-            "[light]\ndistance = 1",
-            "set.toml:2:1: unknown key `light.distance`; did you mean `light.distance_m`?",
-        ),
-        (
-            "[camera]\nradius_m = 1",
-            "set.toml:2:1: unknown key `camera.radius_m`; did you mean `light.radius_m`?",
-        ),
-        (
-            "[[views]]\n[[views]]\nrotation = 1",
-            "set.toml:3:1: unknown key `views[1].rotation`; did you mean \
-             `views[1].rotation_deg`?",
-        ),
-        (
-            "[sample]\nqqqq = 1",
-            "set.toml:2:1: unknown key `sample.qqqq`; the keys here are shape, side_m, mesh",
-        ),
-        // Wrong types.
-        (
-            "[image]\nwidth = 3.0",
-            "set.toml:2:9: `image.width` must be an integer, but is the float 3.0",
-        ),
-        (
-            "name = 2020-01-01",
-            "set.toml:1:8: `name` must be a text, but is a date or time",
-        ),
-        (
-            "tint = \"hues\"",
-            "set.toml:1:8: `tint` must be \"hue\" or \"product\", but is the text \"hues\"",
-        ),
-        (
-            "image = 3",
-            "set.toml:1:9: `image` must be a table, but is the integer 3",
-        ),
-        (
-            "[views]",
-            "set.toml:1:1: `views` must be a list of views, but is a table",
-        ),
-        (
-            "[[views]]\nchecker = 1",
-            "set.toml:2:11: `views[0].checker` must be true or false, but is the integer 1",
-        ),
-        (
-            "[parameters]\nior = [1, 2, 3]",
-            "set.toml:2:7: `parameters.ior` must be a list of two numbers, [low, high], but is \
-             a list of 3",
-        ),
-        (
-            "[parameters]\nior = [1, \"é\"]",
-            "set.toml:2:11: `parameters.ior[1]` must be a number, but is the text \"é\"",
-        ),
-        (
-            "[checker]\npatches_srgb8 = [[1, 2, 256]]",
-            "set.toml:2:25: `checker.patches_srgb8[0]` must be a colour of three integers, \
-             [red, green, blue], 0 to 255 each, but is the integer 256",
-        ),
-        // Out of range.
-        (
-            "materials = 0",
-            "set.toml:1:13: `materials` is 0, but must be 1 to 1000000",
-        ),
-        (
-            "seed = -1",
-            "set.toml:1:8: `seed` is -1, but must be 0 to 9223372036854775807",
-        ),
-        (
-            "[image]\nheight = 99999999999999999999999999999999999999999999999999",
-            "set.toml:2:10: `image.height` is 9999999999999999999999999999999999999999..., but \
-             must be 1 to 4096",
-        ),
-        (
-            "[accuracy]\nabsolute = nan",
-            "set.toml:2:12: `accuracy.absolute` is nan, but must be 1e-9 to 1",
-        ),
-        (
-            "[accuracy]\nabsolute = 1e999",
-            "set.toml:2:12: `accuracy.absolute` is 1e999, but must be 1e-9 to 1",
-        ),
-        (
-            "[integrator]\nsamples_per_pixel = 100",
-            "set.toml:2:21: `integrator.samples_per_pixel` is 100, but must be a power of two, \
-             16 to 1048576",
-        ),
-        (
-            "name = \"../x\"",
-            "set.toml:1:8: `name` is \"../x\", but must be 1 to 64 of the characters \
-             a-z A-Z 0-9 - _ . and start with a letter or digit",
-        ),
-        (
-            "views = []",
-            "set.toml:1:9: `views` has 0 entries, but must have 1 to 64",
-        ),
-        (
-            "[parameters]\nior = [3, 2]",
-            "set.toml:2:7: `parameters.ior` runs from 3 down to 2, but the lower end must come \
-             first",
-        ),
-        // Wrong together; the place is that of the value which the file gives.
-        (
-            "[checker]\ncolumns = 5",
-            "set.toml:2:11: `checker.patches_srgb8` must have 30 colours, for 5 columns of 6 \
-             rows, but has 24",
-        ),
-        (
-            "[sample]\nside_m = 0.2",
-            "set.toml:2:10: `checker.lower_edge_y_m` is 0.055, but must be at least half the \
-             sample's side, 0.1, or the chart cuts the sample",
-        ),
-        (
-            "[light]\nradius_m = 0.001",
-            "set.toml:2:12: `light.radius_m` is so small that the bulb, (distance_m / \
-             radius_m)^2 = 1000000 times white, is brighter than a half float holds (65504); \
-             make it larger or set image.pixel to \"float\"",
-        ),
-        (
-            "[light]\nradius_m = 0.75",
-            "set.toml:2:12: `views[0].light_elevation_deg` puts the bulb's centre \
-             0.7071067811865476 m above the sample's plane, but its radius is 0.75 m; the bulb \
-             must be clear of the plane",
-        ),
-        (
-            "[[views]]\nlight_elevation_deg = 15\nchecker = true",
-            "set.toml:3:11: `views[0].checker` puts the bulb on or behind the plane of the \
-             chart, which would shade the sample; raise the light, lower checker.tilt_deg or \
-             leave the chart out",
-        ),
-        (
-            "[camera]\ndistance_m = 1\n[[views]]\ncamera_elevation_deg = 90\n\
-             light_elevation_deg = 90",
-            "set.toml:4:24: `views[0].camera_elevation_deg` puts the camera inside the bulb; \
-             move one of them",
-        ),
-        // No TOML.
-        (
-            "[image]\nwidth = 1\nwidth = 2",
-            "set.toml:3:1: this is not TOML: duplicate key",
-        ),
-        (
-            "[checker]\npatches_srgb8 = [[1, 2, 3],\n",
-            "set.toml:2:28: this is not TOML: unclosed array, expected `]`; the file ends here: \
-             is it cut short?",
-        ),
+        UNKNOWN_KEYS,
+        WRONG_TYPES,
+        OUT_OF_RANGE,
+        WRONG_TOGETHER,
+        NO_TOML,
     ];
-    for (text, expected) in faults {
+    for (text, expected) in faults.concat() {
         assert_eq!(refusal(text), expected, "{text}");
     }
 }

@@ -169,15 +169,28 @@ fn ledger() -> Vec<u8> {
 
 /// A material leased, delivered and looked at.
 fn calls() -> Vec<u8> {
-    let worker_id = WORKER.0.to_vec();
-    let token = LEASED.to_vec();
-    let (done, images) = completion(&LIVE_SPECIFICATION, 0);
-    let mut calls = Vec::new();
-    let mut call = |letter: u8, message: Vec<u8>| {
-        calls.push(letter);
-        calls.extend((message.len() as u16).to_be_bytes());
-        calls.extend(message);
+    let leave = proto::DeregisterRequest {
+        worker_id: WORKER.0.to_vec(),
     };
+    [
+        lease_calls(),
+        delivery_calls(),
+        operator_calls(),
+        call(b'D', &leave),
+    ]
+    .concat()
+}
+
+/// A call as the fuzz target reads it: its letter, its length, its message.
+fn call(letter: u8, message: &impl Message) -> Vec<u8> {
+    let message = message.encode_to_vec();
+    let length = (message.len() as u16).to_be_bytes();
+    [&[letter], &length[..], &message].concat()
+}
+
+/// A worker comes, and asks for work and for more time.
+fn lease_calls() -> Vec<u8> {
+    let worker_id = WORKER.0.to_vec();
     let register = proto::RegisterRequest {
         name: "w".to_owned(),
         renderer_version: RENDERER_VERSION.to_owned(),
@@ -185,23 +198,32 @@ fn calls() -> Vec<u8> {
         worker_id: worker_id.clone(),
         resolves_disputes: false,
     };
-    call(b'R', register.encode_to_vec());
     let lease = proto::LeaseRequest {
         worker_id: worker_id.clone(),
         jobs_max: 1,
         wait_ms: 1,
     };
-    call(b'L', lease.encode_to_vec());
     let renewal = proto::Renewal {
-        token: token.clone(),
+        token: LEASED.to_vec(),
         material: 0,
         views_done: 1,
     };
     let renew = proto::RenewRequest {
-        worker_id: worker_id.clone(),
+        worker_id,
         renewals: vec![renewal],
     };
-    call(b'N', renew.encode_to_vec());
+    [
+        call(b'R', &register),
+        call(b'L', &lease),
+        call(b'N', &renew),
+    ]
+    .concat()
+}
+
+/// It delivers images: the first comes along with the completion. Then it fails.
+fn delivery_calls() -> Vec<u8> {
+    let token = LEASED.to_vec();
+    let (done, images) = completion(&LIVE_SPECIFICATION, 0);
     let digests = done
         .views
         .iter()
@@ -211,8 +233,7 @@ fn calls() -> Vec<u8> {
         token: token.clone(),
         material: 0,
     };
-    call(b'M', find.encode_to_vec());
-    // The first comes along with the completion.
+    let mut calls = call(b'M', &find);
     let mut images = images.into_iter();
     let brought = images.next();
     for (view, image) in done.views[1..].iter().zip(images) {
@@ -223,38 +244,40 @@ fn calls() -> Vec<u8> {
             token: token.clone(),
             material: 0,
         };
-        call(b'P', put.encode_to_vec());
+        calls.extend(call(b'P', &put));
     }
-    let views = done
-        .views
-        .iter()
-        .enumerate()
-        .map(|(number, view)| proto::View {
-            digest: view.digest.as_bytes().to_vec(),
-            size: view.bytes,
-            statistics: Some(proto::ErrorStatistics {
-                mean: 1e-4,
-                ..proto::ErrorStatistics::default()
-            }),
-            image: match (number, &brought) {
-                (0, Some(image)) => image.clone().into(),
-                _ => Default::default(),
-            },
-            ..proto::View::default()
-        });
+    let views = done.views.iter().enumerate();
+    let views = views.map(|(number, view)| proto::View {
+        digest: view.digest.as_bytes().to_vec(),
+        size: view.bytes,
+        statistics: Some(proto::ErrorStatistics {
+            mean: 1e-4,
+            ..proto::ErrorStatistics::default()
+        }),
+        image: match (number, &brought) {
+            (0, Some(image)) => image.clone().into(),
+            _ => Default::default(),
+        },
+        ..proto::View::default()
+    });
     let complete = proto::CompleteRequest {
         token: token.clone(),
         material: 0,
         views: views.collect(),
         seconds: 0.5,
     };
-    call(b'C', complete.encode_to_vec());
+    calls.extend(call(b'C', &complete));
     let fail = proto::FailRequest {
         token,
         material: 0,
         error: "no light".to_owned(),
     };
-    call(b'F', fail.encode_to_vec());
+    calls.extend(call(b'F', &fail));
+    calls
+}
+
+/// What an operator and a reader ask for.
+fn operator_calls() -> Vec<u8> {
     let selection = proto::JobSelection {
         ranges: vec![proto::MaterialRange { first: 1, last: 9 }],
         states: vec![proto::JobState::Pending.into()],
@@ -264,26 +287,26 @@ fn calls() -> Vec<u8> {
         from: 0,
         jobs_max: 5,
     };
-    call(b'l', list.encode_to_vec());
     let prioritize = proto::PrioritizeJobsRequest {
         selection: Some(selection.clone()),
         priority: 5,
     };
-    call(b'p', prioritize.encode_to_vec());
     let cancel = proto::CancelJobsRequest {
         selection: Some(selection),
     };
-    call(b'c', cancel.encode_to_vec());
     let block = proto::BarWorkerRequest {
         name: "w".to_owned(),
         reason: "dust".to_owned(),
     };
-    call(b'b', block.encode_to_vec());
-    call(b's', Vec::new());
-    call(b'w', Vec::new());
-    let leave = proto::DeregisterRequest { worker_id };
-    call(b'D', leave.encode_to_vec());
-    calls
+    [
+        call(b'l', &list),
+        call(b'p', &prioritize),
+        call(b'c', &cancel),
+        call(b'b', &block),
+        call(b's', &()),
+        call(b'w', &()),
+    ]
+    .concat()
 }
 
 /// Manifests of a store in every format, and shards of its images.

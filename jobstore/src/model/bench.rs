@@ -8,8 +8,8 @@ use super::{
 };
 use crate::{Delivery, JobStore, JobStoreError, JobsOrder, Leased, Overview, Renewal};
 use jobqueue::{
-    BlockCause, Changes, Completion, Mode, Refusal, Selection, Stage, Verdict, identity::identity,
-    token::Token,
+    BlockCause, Changes, Completion, Fingerprint, Mode, Refusal, Selection, Stage, Verdict,
+    identity::identity, token::Token,
 };
 use std::{
     collections::BTreeSet,
@@ -135,19 +135,8 @@ impl Bench {
 
     pub async fn apply(&mut self, operation: Operation) {
         match operation {
-            Operation::Admit { worker } => {
-                let (id, name) = (id(worker), name(worker));
-                self.job_store().admit(id, &name).await.unwrap();
-                assert_eq!(self.job_store().name(id).await.unwrap(), Some(name));
-                self.workers[worker as usize].present = true;
-            }
-            Operation::Dismiss { worker } => {
-                self.job_store().dismiss(&[id(worker)]).await.unwrap();
-                if self.held(worker).is_empty() {
-                    self.workers[worker as usize].present = false;
-                    assert_eq!(self.job_store().name(id(worker)).await.unwrap(), None);
-                }
-            }
+            Operation::Admit { worker } => self.admit(worker).await,
+            Operation::Dismiss { worker } => self.dismiss(worker).await,
             Operation::Claim { worker, jobs_max } => self.claim(worker, jobs_max).await,
             Operation::Renew { back, views_done } => self.renew(back, views_done).await,
             Operation::Complete {
@@ -184,46 +173,12 @@ impl Bench {
                 let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
                 self.retried(&changes.unwrap(), expected);
             }
-            Operation::Retry { materials } => {
-                let Some(selection) = chosen(&materials) else {
-                    return;
-                };
-                let mut expected = self.those(|job| job.quarantined || job.cancelled);
-                expected.retain(|material| materials.contains(material));
-                let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
-                self.retried(&changes.unwrap(), expected);
-            }
-            Operation::Cancel { materials } => {
-                let Some(selection) = chosen(&materials) else {
-                    return;
-                };
-                let mut expected = self.those(|job| job.opinions.is_empty() && !job.cancelled);
-                expected.retain(|material| materials.contains(material));
-                let changes = self.job_store().order(JobsOrder::Cancel, &selection).await;
-                assert_eq!(self::materials(&changes.unwrap()), expected);
-                for material in expected {
-                    let job = self.job(material);
-                    job.lease = None;
-                    job.quarantined = false;
-                    job.cancelled = true;
-                }
-            }
+            Operation::Retry { materials } => self.retry(&materials).await,
+            Operation::Cancel { materials } => self.cancel(&materials).await,
             Operation::Prioritize {
                 materials,
                 priority,
-            } => {
-                let Some(selection) = chosen(&materials) else {
-                    return;
-                };
-                let mut expected = self.those(|job| job.is_pending() && job.priority != priority);
-                expected.retain(|material| materials.contains(material));
-                let order = JobsOrder::Prioritize(priority);
-                let changes = self.job_store().order(order, &selection).await;
-                assert_eq!(self::materials(&changes.unwrap()), expected);
-                for material in expected {
-                    self.job(material).priority = priority;
-                }
-            }
+            } => self.prioritize(&materials, priority).await,
             Operation::SetMode { mode } => {
                 let changes = self.job_store().set_mode(mode).await.unwrap();
                 assert_eq!(changes.mode.is_some(), mode != self.mode);
@@ -235,30 +190,89 @@ impl Bench {
                 let changes = self.job_store().block(&name(worker), cause, reason).await;
                 assert_eq!(materials(&changes.unwrap()), self.block(worker, cause));
             }
-            Operation::Unblock { worker } => {
-                let change = self.job_store().unblock(&name(worker)).await.unwrap();
-                let model = &mut self.workers[worker as usize];
-                assert_eq!(change.is_some(), model.block.is_some());
-                if let Some((cause, _)) = model.block.take() {
-                    model.failed_in_a_row.clear();
-                    if cause == BlockCause::Disagreement {
-                        model.probation = 0;
-                    }
-                }
-            }
-            Operation::Trust { worker } => {
-                let name = name(worker);
-                if identity(&name) == name {
-                    return;
-                }
-                let change = self.job_store().unblock(identity(&name)).await.unwrap();
-                let model = &mut self.workers[answers(worker) as usize];
-                assert_eq!(change.is_some(), model.distrusted);
-                if std::mem::take(&mut model.distrusted) {
-                    model.probation = 0;
-                }
-            }
+            Operation::Unblock { worker } => self.unblock(worker).await,
+            Operation::Trust { worker } => self.trust(worker).await,
             Operation::DrawAudits { seed } => self.draw_audits(seed).await,
+        }
+    }
+
+    async fn admit(&mut self, worker: u8) {
+        let (id, name) = (id(worker), name(worker));
+        self.job_store().admit(id, &name).await.unwrap();
+        assert_eq!(self.job_store().name(id).await.unwrap(), Some(name));
+        self.workers[worker as usize].present = true;
+    }
+
+    async fn dismiss(&mut self, worker: u8) {
+        self.job_store().dismiss(&[id(worker)]).await.unwrap();
+        if self.held(worker).is_empty() {
+            self.workers[worker as usize].present = false;
+            assert_eq!(self.job_store().name(id(worker)).await.unwrap(), None);
+        }
+    }
+
+    async fn retry(&mut self, materials: &[u32]) {
+        let Some(selection) = chosen(materials) else {
+            return;
+        };
+        let mut expected = self.those(|job| job.quarantined || job.cancelled);
+        expected.retain(|material| materials.contains(material));
+        let changes = self.job_store().order(JobsOrder::Retry, &selection).await;
+        self.retried(&changes.unwrap(), expected);
+    }
+
+    async fn cancel(&mut self, materials: &[u32]) {
+        let Some(selection) = chosen(materials) else {
+            return;
+        };
+        let mut expected = self.those(|job| job.opinions.is_empty() && !job.cancelled);
+        expected.retain(|material| materials.contains(material));
+        let changes = self.job_store().order(JobsOrder::Cancel, &selection).await;
+        assert_eq!(self::materials(&changes.unwrap()), expected);
+        for material in expected {
+            let job = self.job(material);
+            job.lease = None;
+            job.quarantined = false;
+            job.cancelled = true;
+        }
+    }
+
+    async fn prioritize(&mut self, materials: &[u32], priority: i32) {
+        let Some(selection) = chosen(materials) else {
+            return;
+        };
+        let mut expected = self.those(|job| job.is_pending() && job.priority != priority);
+        expected.retain(|material| materials.contains(material));
+        let order = JobsOrder::Prioritize(priority);
+        let changes = self.job_store().order(order, &selection).await;
+        assert_eq!(self::materials(&changes.unwrap()), expected);
+        for material in expected {
+            self.job(material).priority = priority;
+        }
+    }
+
+    async fn unblock(&mut self, worker: u8) {
+        let change = self.job_store().unblock(&name(worker)).await.unwrap();
+        let model = &mut self.workers[worker as usize];
+        assert_eq!(change.is_some(), model.block.is_some());
+        if let Some((cause, _)) = model.block.take() {
+            model.failed_in_a_row.clear();
+            if cause == BlockCause::Disagreement {
+                model.probation = 0;
+            }
+        }
+    }
+
+    async fn trust(&mut self, worker: u8) {
+        let name = name(worker);
+        if identity(&name) == name {
+            return;
+        }
+        let change = self.job_store().unblock(identity(&name)).await.unwrap();
+        let model = &mut self.workers[answers(worker) as usize];
+        assert_eq!(change.is_some(), model.distrusted);
+        if std::mem::take(&mut model.distrusted) {
+            model.probation = 0;
         }
     }
 
@@ -406,10 +420,29 @@ impl Bench {
             return;
         }
         let worker = job.lease.take().unwrap().worker;
+        let (expected, touched) = self.judge(material, worker, fingerprint, check);
+        self.workers[worker as usize].failed_in_a_row.clear();
+        let (verdict, changes) = answer.unwrap();
+        assert_eq!(verdict, expected);
+        assert_eq!(materials(&changes), touched);
+        for material in changes.retracted {
+            assert!(!self.jobs[material as usize].is_completed());
+        }
+    }
+
+    /// Records a worker's opinion; the verdict on all that there are, and the jobs that it changes.
+    fn judge(
+        &mut self,
+        material: u32,
+        worker: u8,
+        fingerprint: Fingerprint,
+        check: bool,
+    ) -> (Verdict, BTreeSet<u32>) {
+        let job = &mut self.jobs[material as usize];
         let mut opinions = job.opinions.clone();
         opinions.push((fingerprint, worker));
         let mut touched = BTreeSet::from([material]);
-        let expected = match opinions[..] {
+        let verdict = match opinions[..] {
             [_] => {
                 let answers = &mut self.workers[answers(worker) as usize];
                 let on_probation = answers.probation < POLICY.probation;
@@ -450,13 +483,7 @@ impl Bench {
                 Verdict::Undecided
             }
         };
-        self.workers[worker as usize].failed_in_a_row.clear();
-        let (verdict, changes) = answer.unwrap();
-        assert_eq!(verdict, expected);
-        assert_eq!(materials(&changes), touched);
-        for material in changes.retracted {
-            assert!(!self.jobs[material as usize].is_completed());
-        }
+        (verdict, touched)
     }
 
     async fn draw_audits(&mut self, seed: u64) {

@@ -49,61 +49,19 @@ fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, Repor
              samples, through the first median.",
         ),
     };
-    let x = Axis::logarithmic(
-        label,
-        SETTING_FLOOR,
-        rungs.iter().map(|(rung, _)| rung.value()),
-        |decade| match decade {
-            0..=5 => ["1", "10", "100", "1,000", "10,000", "100,000"][decade as usize].to_owned(),
-            _ => power_of_ten(decade),
-        },
-    );
     let expected = expected(kind, rungs);
-    let values = rungs
-        .iter()
-        .flat_map(|(_, spread)| [spread.low, spread.high])
-        .chain(expected.iter().map(|[_, error]| *error));
-    let y = Axis::logarithmic(
-        "mean relative error of a view",
-        ERROR_FLOOR,
-        values,
-        power_of_ten,
-    );
+    let [x, y] = axes(label, rungs, &expected);
     let medians: Vec<(f64, f64)> = rungs
         .iter()
         .map(|(rung, spread)| (x.log(rung.value()), y.log(spread.median)))
         .collect();
-    let fitted = slope(
-        &rungs
-            .iter()
-            .filter(|(_, spread)| spread.median > 0.0)
-            .map(|(rung, spread)| [libm::log10(rung.value()), libm::log10(spread.median)])
-            .collect::<Vec<_>>(),
-    );
-    let name = integrator_name(kind);
-    let mut entries = vec![Entry {
-        text: match fitted {
-            Some(slope) => format!("{name}, slope {slope:.2}").replace('-', "−"),
-            None => name.to_owned(),
-        },
-        colour: colour(kind),
-        mark: mark(kind),
-    }];
-    entries.push(Entry {
-        text: match kind {
-            IntegratorKind::Hybrid => "what is allowed".to_owned(),
-            IntegratorKind::Path => "slope −0.5".to_owned(),
-        },
-        colour: GREY,
-        mark: Mark::Line,
-    });
     let frame_of = Frame {
         name: file,
         size: SIZE,
         x: &x,
         y: &y,
         y_label_pixels: 70,
-        legend: entries,
+        legend: legend(kind, rungs),
     };
     let svg = frame(&frame_of, |chart| {
         let line = expected.map(|[setting, error]| (x.log(setting), y.log(error)));
@@ -125,6 +83,56 @@ fn plot(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Result<Plot, Repor
         caption: format!("{caption} Bars reach from the 10th to the 90th percentile."),
         svg,
     })
+}
+
+/// The axes of settings and errors, on which everything fits.
+fn axes(label: &'static str, rungs: &[(Setting, Spread)], expected: &[[f64; 2]; 2]) -> [Axis; 2] {
+    let x = Axis::logarithmic(
+        label,
+        SETTING_FLOOR,
+        rungs.iter().map(|(rung, _)| rung.value()),
+        |decade| match decade {
+            0..=5 => ["1", "10", "100", "1,000", "10,000", "100,000"][decade as usize].to_owned(),
+            _ => power_of_ten(decade),
+        },
+    );
+    let values = rungs
+        .iter()
+        .flat_map(|(_, spread)| [spread.low, spread.high])
+        .chain(expected.iter().map(|[_, error]| *error));
+    let y = Axis::logarithmic(
+        "mean relative error of a view",
+        ERROR_FLOOR,
+        values,
+        power_of_ten,
+    );
+    [x, y]
+}
+
+/// The integrator with the slope of its medians, and the line that is hoped for.
+fn legend(kind: IntegratorKind, rungs: &[(Setting, Spread)]) -> Vec<Entry> {
+    let points = rungs
+        .iter()
+        .filter(|(_, spread)| spread.median > 0.0)
+        .map(|(rung, spread)| [libm::log10(rung.value()), libm::log10(spread.median)]);
+    let name = integrator_name(kind);
+    let reached = Entry {
+        text: match slope(&points.collect::<Vec<_>>()) {
+            Some(slope) => format!("{name}, slope {slope:.2}").replace('-', "−"),
+            None => name.to_owned(),
+        },
+        colour: colour(kind),
+        mark: mark(kind),
+    };
+    let hoped = Entry {
+        text: match kind {
+            IntegratorKind::Hybrid => "what is allowed".to_owned(),
+            IntegratorKind::Path => "slope −0.5".to_owned(),
+        },
+        colour: GREY,
+        mark: Mark::Line,
+    };
+    vec![reached, hoped]
 }
 
 /// Both ends of the line that is hoped for, as setting and error.

@@ -29,16 +29,9 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
     };
     let bars = findings::stages(&report.measurements, setting, &report.plan.views);
     let names = findings::stage_names(&bars);
-    let preset = Specification::preset();
     let y = Axis::names(
         "view",
-        bars.iter()
-            .map(|&(view, _)| {
-                let described = &preset.views[view as usize];
-                let chart = if described.checker { "" } else { ", no chart" };
-                format!("{view}: {}°{chart}", described.camera_elevation_deg)
-            })
-            .collect(),
+        bars.iter().map(|&(view, _)| view_name(view)).collect(),
     );
     let totals = bars.iter().map(|(_, parts)| {
         let seconds: f64 = parts.iter().map(|(_, seconds)| seconds).sum();
@@ -52,14 +45,12 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
             group(text.trim_end_matches('0').trim_end_matches('.'))
         },
     );
-    let entries = names
-        .iter()
-        .zip(COLOURS.iter().cycle())
-        .map(|(name, &colour)| Entry {
-            text: (*name).to_owned(),
-            colour,
-            mark: Mark::Bar,
-        });
+    let coloured = || names.iter().zip(COLOURS.iter().cycle());
+    let entries = coloured().map(|(name, &colour)| Entry {
+        text: (*name).to_owned(),
+        colour,
+        mark: Mark::Bar,
+    });
     let frame_of = Frame {
         name: FILE,
         size: (WIDTH, 90 + 26 * bars.len().max(4) as u32),
@@ -74,11 +65,8 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
             let mut from = 0.0;
             for (name, seconds) in parts {
                 let to = from + 1e3 * seconds;
-                let colour = names
-                    .iter()
-                    .zip(COLOURS.iter().cycle())
-                    .find(|(known, _)| *known == name)
-                    .map_or(BLACK, |(_, colour)| *colour);
+                let known = coloured().find(|(known, _)| *known == name);
+                let colour = known.map_or(BLACK, |(_, colour)| *colour);
                 chart.plotting_area().draw(&Rectangle::new(
                     [(from, middle - 0.36), (to, middle + 0.36)],
                     colour.filled(),
@@ -97,4 +85,11 @@ pub fn draw(report: &Report) -> Result<Option<Plot>, ReportError> {
         ),
         svg,
     }))
+}
+
+/// A view of the preset by its number and what it shows.
+fn view_name(view: u32) -> String {
+    let described = &Specification::preset().views[view as usize];
+    let chart = if described.checker { "" } else { ", no chart" };
+    format!("{view}: {}°{chart}", described.camera_elevation_deg)
 }

@@ -375,10 +375,7 @@ impl Training<'_> {
             pairs: self.pairs,
             targets: &self.targets,
             metric: self.options.metric.as_ref().map(|metric| metric.share),
-            epochs: match name {
-                StageName::Block(_) => self.options.block_epochs,
-                StageName::Cnn(_) => self.options.cnn_epochs,
-            },
+            epochs: self.options.epochs(name),
             patience: self.options.patience,
             optimiser: self.options.optimiser,
             block: matches!(name, StageName::Block(_)),

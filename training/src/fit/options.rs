@@ -1,5 +1,6 @@
 //! What decides a training.
 
+use super::cnns::StageName;
 use crate::labels::axes::Colours;
 use crate::labels::target::Smoothing;
 use crate::network::Architecture;
@@ -112,6 +113,16 @@ pub struct Options {
     pub patience: u32,
     /// Of weights, order, noise and dropout.
     pub seed: u64,
+}
+
+impl Options {
+    /// Epochs of a network, at most.
+    pub(super) fn epochs(&self, stage: StageName) -> u32 {
+        match stage {
+            StageName::Cnn(_) => self.cnn_epochs,
+            StageName::Block(_) => self.block_epochs,
+        }
+    }
 }
 
 impl Preset {
