@@ -4,6 +4,10 @@
 //! extrapolation of both. At the ends of ranges, and at R = 90 where the model has a kink, they are
 //! taken to one side. The renderer is adaptive, so its error is not a smooth function of the
 //! material: `steps.rs` says how steps are chosen.
+//!
+//! Images bend where the tint meets its knee, and a step over the bend misses the derivative on
+//! either side. Where many derivatives of an image are not sure, they are taken again over a shorter
+//! step, and each keeps the surer of both.
 
 use crate::encoding::Encoding;
 use crate::error::InverseError;
@@ -12,6 +16,20 @@ use crate::parameters::{PARAMETERS, Theta};
 use crate::steps::{self, Point};
 use dataset::{Material, Specification, sin_cos_deg};
 use renderer::{Renderer, film::FilmPixel, geometry::BackendChoice};
+
+/// Derivatives of this many units of white over a parameter's range are notable.
+const NOTABLE: f64 = 1e-4;
+
+/// What a notable derivative may be unsure by, as a share of it.
+const UNSURE: f64 = 0.01;
+
+/// The share of an image's notable derivatives that may be unsure before they are taken again. Chosen:
+/// some are unsure in every image, at edges.
+const UNSURE_SHARE_MAX: f64 = 0.05;
+
+/// The step of derivatives that are taken again, as a share of the first. Chosen: the renderings'
+/// error then moves them by about 1e-4 of white over a length of 1/2.
+const SHORTER: f64 = 0.125;
 
 /// How many renderings of each view [`Differentiator::views`] takes at most.
 pub const RENDERINGS_MAX: usize = steps::RENDERINGS_MAX;
@@ -88,8 +106,9 @@ impl Differentiator {
         let theta = Theta::of(material);
         let base = self.render(&theta, views)?;
         let mut columns: Vec<Vec<ParameterDerivative>> = vec![Vec::new(); views.len()];
+        let films: Vec<&[FilmPixel]> = base.iter().map(Vec::as_slice).collect();
         for parameter in 0..PARAMETERS {
-            let by_view = self.by(&theta, parameter, views, &base)?;
+            let by_view = self.by(&theta, parameter, views, &films)?;
             for (column, derivative) in columns.iter_mut().zip(by_view) {
                 column.push(derivative);
             }
@@ -124,7 +143,31 @@ impl Differentiator {
         theta: &Theta,
         parameter: usize,
         views: &[u32],
-        base: &[Vec<FilmPixel>],
+        base: &[&[FilmPixel]],
+    ) -> Result<Vec<ParameterDerivative>, InverseError> {
+        let mut found = self.quotients(theta, parameter, views, base, 1.0)?;
+        let unsure = (0..views.len()).filter(|&place| found[place].is_unsure());
+        let unsure: Vec<usize> = unsure.collect();
+        if unsure.is_empty() {
+            return Ok(found);
+        }
+        let views: Vec<u32> = unsure.iter().map(|&place| views[place]).collect();
+        let base: Vec<&[FilmPixel]> = unsure.iter().map(|&place| base[place]).collect();
+        let again = self.quotients(theta, parameter, &views, &base, SHORTER)?;
+        for (place, again) in unsure.into_iter().zip(again) {
+            found[place].keep_surer(&again);
+        }
+        Ok(found)
+    }
+
+    /// The difference quotients of all views by one parameter, over a share of its usual step.
+    fn quotients(
+        &self,
+        theta: &Theta,
+        parameter: usize,
+        views: &[u32],
+        base: &[&[FilmPixel]],
+        shorter: f64,
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
         let cosines = views.iter().filter_map(|&view| {
             let view = self.specification.views.get(view as usize)?;
@@ -132,7 +175,7 @@ impl Differentiator {
         });
         let cosines: Vec<f64> = cosines.collect();
         let Specification { tint, accuracy, .. } = &self.specification;
-        let share = steps::share(accuracy);
+        let share = shorter * steps::share(accuracy);
         let Some(stencil) = steps::stencil(theta, parameter, &cosines, *tint, share) else {
             return Ok(base.iter().map(|film| nonexistent(film.len())).collect());
         };
@@ -145,8 +188,8 @@ impl Differentiator {
                 true => None,
                 false => Some(self.render(&point.theta, views)?),
             };
-            let films = rendered.as_deref().unwrap_or(base);
-            for (sums, film) in sums.iter_mut().zip(films) {
+            for (place, sums) in sums.iter_mut().enumerate() {
+                let film = rendered.as_ref().map_or(base[place], |films| &films[place]);
                 for (sum, pixel) in sums.iter_mut().zip(film) {
                     sum.add(point, pixel);
                 }
@@ -171,6 +214,37 @@ impl Sums {
             self.fine[channel] += point.fine * pixel.value[channel];
         }
         self.stated += point.weight().abs() * pixel.error;
+    }
+}
+
+impl ParameterDerivative {
+    /// Whether many notable derivatives are not sure.
+    fn is_unsure(&self) -> bool {
+        let (mut notable, mut unsure) = (0usize, 0usize);
+        let values = self.values.as_flattened().iter();
+        for (value, disagreement) in values.zip(self.disagreements.as_flattened()) {
+            // Where there is no derivative at all, no shorter step finds one.
+            if value.abs() > NOTABLE && disagreement.is_finite() {
+                notable += 1;
+                unsure += usize::from(*disagreement > UNSURE * value.abs());
+            }
+        }
+        unsure as f64 > UNSURE_SHARE_MAX * notable as f64
+    }
+
+    /// Takes those of another that are clearly surer: the quotients of a shorter step can also agree by
+    /// chance.
+    fn keep_surer(&mut self, other: &Self) {
+        for pixel in 0..self.values.len() {
+            for channel in 0..3 {
+                let ours = self.disagreements[pixel][channel];
+                if 2.0 * other.disagreements[pixel][channel] < ours {
+                    self.values[pixel][channel] = other.values[pixel][channel];
+                    self.disagreements[pixel][channel] = other.disagreements[pixel][channel];
+                    self.errors[pixel][channel] = other.errors[pixel][channel];
+                }
+            }
+        }
     }
 }
 

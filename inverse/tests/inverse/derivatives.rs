@@ -282,8 +282,8 @@ fn derivatives_are_right_to_a_percent() {
     }
 }
 
-/// Highlights of smooth materials cost more, so the accuracy is the preset's. On their edges a tenth of
-/// the pixels were off by 1 to 4 percent (measured).
+/// Highlights of smooth materials cost more, so the accuracy is the preset's. Over the first steps, which
+/// the tint's knee lies in, all derivatives of index-10 by the colours were off, by up to 34 percent.
 #[test]
 fn derivatives_of_highlights_are_right_to_a_percent() {
     let specification = preset(32, 1e-3);
@@ -296,16 +296,15 @@ fn derivatives_of_highlights_are_right_to_a_percent() {
         0..PARAMETERS,
         0.0,
     );
-    // Without anisotropy the angle's derivative is 0, and differences are all error. Steps of the
-    // colours cross the tint's knee: the stated errors cover that, but it is more than a percent.
+    // Without anisotropy the angle's derivative is 0, and differences are all error.
     let material = hard_case("index-10");
     check(
         &specification,
         "index-10",
         &material,
         HIGHLIGHT,
-        [0, 1, 3],
-        0.2,
+        [0, 1].into_iter().chain(3..PARAMETERS),
+        0.0,
     );
 }
 
