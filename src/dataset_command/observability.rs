@@ -35,7 +35,7 @@ const NOISE_SD_MAX: f64 = 1e6;
 /// matrix J'J, Cramer-Rao bounds and observable weights, for linear, logarithmic and sRGB-coded
 /// pixels. An infinite bound means that the images do not determine the parameter.
 ///
-/// A view takes up to 81 renderings: the preset's 14 views together take about 5 s of a core and 40
+/// A view takes up to 81 renderings: the preset's 14 views together take about 7 s of a core and 40
 /// kB a material. Only the specification of the store is read. If the command is stopped or killed,
 /// the same command resumes.
 #[derive(Debug, Args)]
