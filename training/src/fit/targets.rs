@@ -27,7 +27,8 @@ impl Targets {
     /// Of all pairs. Losses count the same in every material, or as much as its photographs show.
     ///
     /// # Errors
-    /// When what photographs show is of another dataset, or leaves a material out.
+    /// When what photographs show is wanted and not given, is of another dataset, or leaves a material
+    /// out.
     pub fn new(
         pairs: &Pairs,
         options: &Options,
@@ -50,21 +51,19 @@ impl Targets {
             places.push(std::array::from_fn(|p| axes[p].position(numbers[p])));
         }
         let colours = options.colours;
-        let weights = match (&options.weights, observed) {
-            (LossWeights::Observable { .. }, Some(observed)) => {
-                each_observed(pairs, observed, |label, found| {
-                    let tint = pairs.specification.tint;
-                    weights(&found.information, &label.material, tint, colours)
-                        .map(|weight| weight as f32)
-                })?
-            }
-            _ => vec![[1.0; PARAMETERS]; pairs.labels.len()],
+        let weights = match options.weights {
+            LossWeights::Paper => vec![[1.0; PARAMETERS]; pairs.labels.len()],
+            LossWeights::Observable { .. } => each_observed(pairs, observed, |label, found| {
+                let tint = pairs.specification.tint;
+                weights(&found.information, &label.material, tint, colours)
+                    .map(|weight| weight as f32)
+            })?,
         };
-        let metrics = match (&options.metric, observed) {
-            (Some(_), Some(observed)) => each_observed(pairs, observed, |label, found| {
+        let metrics = match options.metric {
+            None => Vec::new(),
+            Some(_) => each_observed(pairs, observed, |label, found| {
                 metric(&found.information, &label.material, colours).map(|entry| entry as f32)
             })?,
-            _ => Vec::new(),
         };
         Ok(Self {
             values,
@@ -137,9 +136,14 @@ impl Targets {
 /// What follows from what photographs show of each material, by its position.
 fn each_observed<T>(
     pairs: &Pairs,
-    observed: &Observed,
+    observed: Option<&Observed>,
     of: impl Fn(&Label, &ObservedMaterial) -> T,
 ) -> Result<Vec<T>, TrainingError> {
+    let observed = observed.ok_or_else(|| {
+        TrainingError::Input(
+            "the options want a table of observability, and there is none".to_owned(),
+        )
+    })?;
     let Identity {
         specification,
         renderer_version,
