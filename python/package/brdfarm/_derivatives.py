@@ -51,7 +51,7 @@ def derivatives(
 ) -> Derivatives:
     """The derivatives of the pixels of view `view`, counted from 0, by the ten parameters.
 
-    They are differences of some 40 renderings with the accuracy of the specification, extrapolated
+    They are differences of 40 to 80 renderings with the accuracy of the specification, extrapolated
     (Richardson); at the ends of ranges they are taken to one side. With `threads` 0 all cores work.
     Other threads of Python run meanwhile, and Ctrl-C interrupts.
     """
