@@ -3,8 +3,8 @@
 use crate::place::{SPECIFICATION, coordinator, credentials, run, said, status, succeed};
 use proto::client::{self, Credentials, with_deadline};
 use rcgen::{CertificateParams, CertifiedIssuer, KeyPair};
-use std::fs;
 use std::time::{Duration, SystemTime};
+use std::{fs, path::Path};
 use tonic::Code;
 
 /// A client certificate that ended a minute ago, signed by an authority that is believed.
@@ -23,10 +23,8 @@ fn expired() -> (String, Vec<u8>, Vec<u8>) {
     (authority.pem(), certificate, key)
 }
 
-#[tokio::test]
-async fn only_those_who_may_come_in_come_in() {
-    let directory = tempfile::tempdir().expect("a directory");
-    let directory = directory.path();
+/// Makes credentials for a farm in `keys` and for another one in `others`.
+fn make_credentials(directory: &Path) {
     let shown = succeed(
         directory,
         "credentials keys --host farm.example --mutual-tls",
@@ -43,6 +41,13 @@ async fn only_those_who_may_come_in_come_in() {
         std::os::unix::fs::PermissionsExt::mode(&key.permissions()) & 0o777,
         0o600
     );
+}
+
+#[tokio::test]
+async fn only_those_who_may_come_in_come_in() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    make_credentials(directory);
     // One more authority for client certificates, whose certificate has expired.
     let (authority, certificate, key) = expired();
     let believed = directory.join("keys/coordinator/client-authority.pem");
@@ -51,14 +56,27 @@ async fn only_those_who_may_come_in_come_in() {
     let (_coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
     assert!(url.starts_with("https://"), "{url}");
 
+    roles_and_tokens_are_checked(directory, &url).await;
+    strangers_are_kept_out(directory, &url, (certificate, key)).await;
+
+    // A worker with everything renders the set, even one with a name like a path.
+    let work = format!(
+        "worker connect {url} --credentials keys/worker --backend native --name ../../../tmp/x"
+    );
+    assert!(succeed(directory, &work).contains("28 images"));
+    let look = format!("status --coordinator {url} --credentials keys/reader");
+    assert!(succeed(directory, &look).contains("2 of 2 complete"));
+    succeed(directory, "dataset verify --store store");
+}
+
+async fn roles_and_tokens_are_checked(directory: &Path, url: &str) {
     let reader = credentials(directory, "keys/reader");
     let worker = credentials(directory, "keys/worker");
     let operator = credentials(directory, "keys/operator");
-    assert_eq!(status(&url, &reader).await.expect("an answer"), 2);
-    assert_eq!(status(&url, &operator).await.expect("an answer"), 2);
+    assert_eq!(status(url, &reader).await.expect("an answer"), 2);
+    assert_eq!(status(url, &operator).await.expect("an answer"), 2);
 
-    // Roles and tokens.
-    let refused = status(&url, &worker).await.unwrap_err();
+    let refused = status(url, &worker).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
     let with_token = |token: Option<&str>| Credentials {
         token: token.map(str::to_owned),
@@ -66,22 +84,22 @@ async fn only_those_who_may_come_in_come_in() {
     };
     let wrong = "0".repeat(64);
     for token in [None, Some("short"), Some(&*wrong)] {
-        let refused = status(&url, &with_token(token)).await.unwrap_err();
+        let refused = status(url, &with_token(token)).await.unwrap_err();
         assert_eq!(refused.code(), Code::Unauthenticated, "{refused}");
         assert!(!refused.message().contains("0000"), "{refused}");
     }
-    let mut client = client::control(&url, &reader).expect("a client");
+    let mut client = client::control(url, &reader).expect("a client");
     let refused = client
         .pause(with_deadline(proto::PauseRequest {}))
         .await
         .unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
-    let mut client = client::farm(&url, &reader).expect("a client");
+    let mut client = client::farm(url, &reader).expect("a client");
     let message = with_deadline(proto::GetDatasetRequest {});
     let refused = client.get_dataset(message).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
     // An operator decides disputes, and renders nothing else.
-    let mut client = client::farm(&url, &operator).expect("a client");
+    let mut client = client::farm(url, &operator).expect("a client");
     let register = proto::RegisterRequest {
         name: "me".to_owned(),
         renderer_version: dataset::RENDERER_VERSION.to_owned(),
@@ -90,8 +108,12 @@ async fn only_those_who_may_come_in_come_in() {
     };
     let refused = client.register(with_deadline(register)).await.unwrap_err();
     assert_eq!(refused.code(), Code::PermissionDenied);
+}
 
-    // Certificates.
+/// Without a certificate, with one of another farm or an expired one, and without TLS. Nor does a
+/// client talk to a coordinator whom it has no reason to believe.
+async fn strangers_are_kept_out(directory: &Path, url: &str, expired: (Vec<u8>, Vec<u8>)) {
+    let reader = credentials(directory, "keys/reader");
     let others = credentials(directory, "others/reader");
     let strangers = [
         Credentials {
@@ -103,17 +125,16 @@ async fn only_those_who_may_come_in_come_in() {
             ..reader.clone()
         },
         Credentials {
-            identity: Some((certificate, key)),
+            identity: Some(expired),
             ..reader.clone()
         },
-        // And a coordinator whom the client has no reason to believe.
         Credentials {
             authority: others.authority.clone(),
             ..reader.clone()
         },
     ];
     for stranger in strangers {
-        let refused = status(&url, &stranger).await.unwrap_err();
+        let refused = status(url, &stranger).await.unwrap_err();
         assert!(
             matches!(
                 refused.code(),
@@ -124,15 +145,6 @@ async fn only_those_who_may_come_in_come_in() {
     }
     let plain = url.replace("https", "http");
     assert!(status(&plain, &Credentials::default()).await.is_err());
-
-    // A worker with everything renders the set, even one with a name like a path.
-    let work = format!(
-        "worker connect {url} --credentials keys/worker --backend native --name ../../../tmp/x"
-    );
-    assert!(succeed(directory, &work).contains("28 images"));
-    let look = format!("status --coordinator {url} --credentials keys/reader");
-    assert!(succeed(directory, &look).contains("2 of 2 complete"));
-    succeed(directory, "dataset verify --store store");
 }
 
 #[test]

@@ -26,7 +26,14 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     let read = |name: &str| fs::read(place.path().join(name)).expect("a file");
     assert!(read("sheet.png") == read("same.png"));
 
-    // An image hurt, one gone, and a record that lies about a third.
+    faults_are_found_and_mended(&place, &store, &expected);
+    what_nothing_names_goes(&place, &store);
+    drop(coordinator);
+    it_goes_out_and_into_another(&place, &store, &expected);
+}
+
+/// An image hurt, one gone, and a record that lies about a third.
+fn faults_are_found_and_mended(place: &Place, store: &str, expected: &[u8]) {
     let blobs = files_below(&place.path().join("images/blobs"));
     assert_eq!(blobs.len(), 42);
     let before = fs::read(&blobs[7]).expect("an image");
@@ -35,7 +42,7 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     fs::write(&blobs[7], hurt).expect("written");
     fs::remove_file(&blobs[9]).expect("removed");
     place.sql(
-        &store,
+        store,
         "UPDATE completions SET completion = jsonb_set(completion::jsonb, \
          '{views,3,statistics,max}', '0')::text WHERE material = 1",
     );
@@ -50,12 +57,14 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     assert!(said.contains("mended 3 faults"), "{said}");
     assert!(said.contains("material 1, view 3") && said.contains("its record corrected"));
     assert!(fs::read(&blobs[7]).expect("an image") == before);
-    assert!(place.manifest(&store) == expected);
+    assert!(place.manifest(store) == expected);
     place.succeed(&format!("dataset verify --store {store} --rerender 100%"));
     let completed = "SELECT sum(completed)::bigint FROM tallies";
-    assert_eq!(place.number(&store, completed), 3);
+    assert_eq!(place.number(store, completed), 3);
+}
 
-    // What nothing names goes, and only while nobody can be about to name it.
+/// But only while nobody can be about to name it.
+fn what_nothing_names_goes(place: &Place, store: &str) {
     let folder = place.path().join("images/blobs/00");
     fs::create_dir_all(&folder).expect("a folder");
     fs::write(folder.join(format!("{:064x}.exr", 7)), b"x").expect("written");
@@ -63,23 +72,23 @@ fn commands_do_on_a_database_what_they_do_on_a_folder() {
     let said = place.succeed(&format!("dataset gc --store {store}"));
     assert!(said.contains("--delete would remove 1 image"), "{said}");
     place.sql(
-        &store,
+        store,
         "INSERT INTO leases VALUES (0, 't', 'w', 'w', 0, now_ms() + 3600000, 0, 0)",
     );
     let gc = format!("dataset gc --store {store} --delete");
     let said = place.refuse(&gc, 1);
     assert!(said.contains("1 of the materials"), "{said}");
     assert!(said.contains("are with workers") && said.contains("`brdfarm pause`"));
-    place.sql(&store, "DELETE FROM leases");
+    place.sql(store, "DELETE FROM leases");
     let said = place.succeed(&gc);
     assert!(said.contains("removed 1 image"), "{said}");
     assert_eq!(
         files_below(&place.path().join("images/blobs")).len(),
         42 + 1
     );
-    drop(coordinator);
+}
 
-    // Out, and into another.
+fn it_goes_out_and_into_another(place: &Place, store: &str, expected: &[u8]) {
     place.succeed(&format!(
         "dataset export shards --store {store} --layout webdataset"
     ));

@@ -82,22 +82,17 @@ fn mend(path: &Path, renderer: &CheapRenderer, checks: &Checks<'_>) -> Vec<Repai
     repair(&mut store, checks, renderer, &|_| (), &|_, _| ()).unwrap()
 }
 
-#[test]
-fn every_fault_is_named_and_mended() {
-    let (folder, renderer) = whole_store();
-    let path = folder.path();
-    let specification = &renderer.0;
-    let all = checks(MATERIALS, Some(&renderer));
-    assert_eq!(look(path, &all).faults, []);
-    assert_eq!(look(path, &all).images_rerendered, 36);
-    let before = blobs(path);
+/// Where the store of a folder has an image.
+fn image(path: &Path, specification: &Specification, material: u32, view: usize) -> PathBuf {
+    let digest = completion(specification, material).0.views[view].digest;
+    path.join(dataset::blob_path(&digest))
+}
 
-    let image = |material: u32, view: usize| -> PathBuf {
-        let digest = completion(specification, material).0.views[view].digest;
-        path.join(dataset::blob_path(&digest))
-    };
-    // Files: missing, truncated, one bit flipped, two swapped, one put there by a stranger, one of
-    // another image under this one's name.
+/// Files: missing, truncated, one bit flipped, two swapped, one put there by a stranger, one of another
+/// image under this one's name. Returns the stranger's.
+fn hurt_files(path: &Path, specification: &Specification) -> PathBuf {
+    let image = |material, view| image(path, specification, material, view);
+    let before = blobs(path);
     fs::remove_file(image(0, 0)).unwrap();
     let cut = fs::read(image(1, 1)).unwrap();
     fs::write(image(1, 1), &cut[..cut.len() / 2]).unwrap();
@@ -111,7 +106,13 @@ fn every_fault_is_named_and_mended() {
     let foreign_path = path.join(dataset::blob_path(&Digest::of(&foreign)));
     fs::create_dir_all(foreign_path.parent().unwrap()).unwrap();
     fs::write(&foreign_path, &foreign).unwrap();
-    // Records: a view's digest changed by hand, with the checksum put right; two views swapped.
+    foreign_path
+}
+
+/// Records: a view's digest changed by hand, with the checksum put right; two views swapped; a size
+/// and an error that are not the image's; and images that are what is recorded, with no number in
+/// them, black, of another material.
+fn hurt_records(path: &Path, specification: &Specification) {
     let mut edited = completion(specification, 5).0;
     edited.views[2].digest = Digest::of(b"nothing");
     record(path, &edited, vec![], false);
@@ -124,7 +125,6 @@ fn every_fault_is_named_and_mended() {
     let mut flattered = completion(specification, 11).0;
     flattered.views[1].statistics.max = 0.0;
     record(path, &flattered, vec![], true);
-    // Images that are what is recorded: with no number in them, black, of another material.
     for (material, view, bytes) in [
         (7, 1, image_of(specification, 7, 1, f32::NAN)),
         (8, 0, image_of(specification, 8, 0, 0.0)),
@@ -135,55 +135,56 @@ fn every_fault_is_named_and_mended() {
         lie.views[view].bytes = bytes.len() as u64;
         record(path, &lie, vec![bytes], true);
     }
+}
+
+/// What [`hurt_files`] and [`hurt_records`] do, by material and view.
+const HURT: [(u32, u32, FaultKind); 13] = [
+    (0, 0, FaultKind::Missing),
+    (1, 1, FaultKind::Size),
+    (2, 2, FaultKind::Digest),
+    (3, 0, FaultKind::Size),
+    (4, 1, FaultKind::Size),
+    (5, 2, FaultKind::Missing),
+    (6, 0, FaultKind::Identity),
+    (6, 1, FaultKind::Identity),
+    (7, 1, FaultKind::Pixel),
+    (8, 0, FaultKind::Black),
+    (9, 2, FaultKind::Identity),
+    (10, 0, FaultKind::Size),
+    (11, 1, FaultKind::Statistics),
+];
+
+/// The kind of a fault; swapped files, those of 3 and 4, may have one size.
+fn kind_of(material: u32, kind: FaultKind) -> FaultKind {
+    match (material, kind) {
+        (3 | 4, FaultKind::Size) => FaultKind::Digest,
+        _ => kind,
+    }
+}
+
+#[test]
+fn every_fault_is_named_and_mended() {
+    let (folder, renderer) = whole_store();
+    let path = folder.path();
+    let specification = &renderer.0;
+    let all = checks(MATERIALS, Some(&renderer));
+    assert_eq!(look(path, &all).faults, []);
+    assert_eq!(look(path, &all).images_rerendered, 36);
+    let before = blobs(path);
+    let foreign = hurt_files(path, specification);
+    hurt_records(path, specification);
 
     let report = look(path, &all);
-    let found: Vec<_> = report
-        .faults
-        .iter()
-        .map(|fault| (fault.material, fault.view.unwrap(), fault.kind))
-        .collect();
-    let expected = [
-        (0, 0, FaultKind::Missing),
-        (1, 1, FaultKind::Size),
-        (2, 2, FaultKind::Digest),
-        (3, 0, FaultKind::Size),
-        (4, 1, FaultKind::Size),
-        (5, 2, FaultKind::Missing),
-        (6, 0, FaultKind::Identity),
-        (6, 1, FaultKind::Identity),
-        (7, 1, FaultKind::Pixel),
-        (8, 0, FaultKind::Black),
-        (9, 2, FaultKind::Identity),
-        (10, 0, FaultKind::Size),
-        (11, 1, FaultKind::Statistics),
-    ];
-    // Swapped files may have one size.
-    let same = |kind| {
-        if kind == FaultKind::Size {
-            FaultKind::Digest
-        } else {
-            kind
-        }
-    };
-    assert_eq!(found.len(), expected.len(), "{found:?}");
-    for (found, expected) in found.iter().zip(expected) {
-        let swapped = matches!(expected.0, 3 | 4);
-        let kind = if swapped { same(found.2) } else { found.2 };
-        let wanted = if swapped {
-            same(expected.2)
-        } else {
-            expected.2
-        };
-        assert_eq!((found.0, found.1, kind), (expected.0, expected.1, wanted));
-    }
+    let found = report.faults.iter().map(|fault| {
+        let kind = kind_of(fault.material, fault.kind);
+        (fault.material, fault.view.unwrap(), kind)
+    });
+    let expected = HURT.map(|(material, view, kind)| (material, view, kind_of(material, kind)));
+    assert_eq!(found.collect::<Vec<_>>(), expected);
     // What no record names any more, and the stranger's.
-    let mut strays = vec![
-        foreign_path.clone(),
-        image(5, 2),
-        image(7, 1),
-        image(8, 0),
-        image(9, 2),
-    ];
+    let strays = [(5, 2), (7, 1), (8, 0), (9, 2)];
+    let strays = strays.map(|(material, view)| image(path, specification, material, view));
+    let mut strays = [&strays[..], &[foreign]].concat();
     strays.sort();
     assert_eq!(report.unnamed, strays);
 
