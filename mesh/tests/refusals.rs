@@ -57,7 +57,7 @@ fn what_is_no_mesh_is_named() {
 }
 
 #[test]
-fn faults_of_an_obj_file_are_named_by_line() {
+fn faults_of_the_faces_of_an_obj_file_are_named_by_line() {
     obj_refused("f 1 2\n", "line 7: the face has 2 corners");
     obj_refused(
         "f 1 2 3 4 1 2 3\n",
@@ -108,6 +108,10 @@ fn faults_of_an_obj_file_are_named_by_line() {
         "f 1/1 2 3\n",
         "line 7: some faces have texture coordinates and others do not",
     );
+}
+
+#[test]
+fn faults_of_the_numbers_of_an_obj_file_are_named_by_line() {
     obj_refused(
         "v 1 2\n",
         "line 7: the statement needs 3 to 7 numbers, but has 2",
@@ -174,6 +178,21 @@ fn faults_of_a_ply_header_are_named() {
         "must declare the numbers `x`, `y` and `z`",
     );
     ply_refused(
+        "comment a cube",
+        "color 1",
+        "line 3: `color` is no statement of a PLY header",
+    );
+    let comments = "comment\n".repeat(200_000);
+    ply_refused(
+        "comment a cube\n",
+        &comments,
+        "does not end within its first 1048576 bytes",
+    );
+}
+
+#[test]
+fn faults_of_what_a_ply_header_declares_are_named() {
+    ply_refused(
         "element vertex 8",
         "element point 8",
         "has no element `vertex`",
@@ -225,11 +244,6 @@ fn faults_of_a_ply_header_are_named() {
     );
     ply_refused(
         "comment a cube",
-        "color 1",
-        "line 3: `color` is no statement of a PLY header",
-    );
-    ply_refused(
-        "comment a cube",
         "property int a",
         "line 3: a property stands before the first",
     );
@@ -240,12 +254,6 @@ fn faults_of_a_ply_header_are_named() {
         "property double x\n",
         &names,
         "there are more than 256 names",
-    );
-    let comments = "comment\n".repeat(200_000);
-    ply_refused(
-        "comment a cube\n",
-        &comments,
-        "does not end within its first 1048576 bytes",
     );
 }
 

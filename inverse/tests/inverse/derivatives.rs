@@ -82,6 +82,11 @@ fn reference(
         .collect()
     };
     let steps = [step, 0.5 * step, 0.25 * step].map(quotient);
+    extrapolated(&steps, central)
+}
+
+/// The extrapolation of the quotients of three steps, channel by channel.
+fn extrapolated(steps: &[Vec<f64>; 3], central: bool) -> Vec<[Slope; 3]> {
     // Central errors hold even powers of the step, others all from the second.
     let powers = if central { [4.0, 16.0] } else { [4.0, 8.0] };
     let eliminate = |coarse: &[f64], fine: &[f64], power: f64| -> Vec<f64> {
