@@ -76,7 +76,7 @@ async fn roles_and_tokens_are_checked(directory: &Path, url: &str) {
     assert_eq!(status(url, &reader).await.expect("an answer"), 2);
     assert_eq!(status(url, &operator).await.expect("an answer"), 2);
 
-    let refused = status(url, &worker).await.unwrap_err();
+    let refused = status(url, &worker).await.expect_err("a refusal");
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
     let with_token = |token: Option<&str>| Credentials {
         token: token.map(str::to_owned),
@@ -84,7 +84,9 @@ async fn roles_and_tokens_are_checked(directory: &Path, url: &str) {
     };
     let wrong = "0".repeat(64);
     for token in [None, Some("short"), Some(&*wrong)] {
-        let refused = status(url, &with_token(token)).await.unwrap_err();
+        let refused = status(url, &with_token(token))
+            .await
+            .expect_err("a refusal");
         assert_eq!(refused.code(), Code::Unauthenticated, "{refused}");
         assert!(!refused.message().contains("0000"), "{refused}");
     }
@@ -92,11 +94,11 @@ async fn roles_and_tokens_are_checked(directory: &Path, url: &str) {
     let refused = client
         .pause(with_deadline(proto::PauseRequest {}))
         .await
-        .unwrap_err();
+        .expect_err("a refusal");
     assert_eq!(refused.code(), Code::PermissionDenied);
     let mut client = client::farm(url, &reader).expect("a client");
     let message = with_deadline(proto::GetDatasetRequest {});
-    let refused = client.get_dataset(message).await.unwrap_err();
+    let refused = client.get_dataset(message).await.expect_err("a refusal");
     assert_eq!(refused.code(), Code::PermissionDenied);
     // An operator decides disputes, and renders nothing else.
     let mut client = client::farm(url, &operator).expect("a client");
@@ -106,7 +108,10 @@ async fn roles_and_tokens_are_checked(directory: &Path, url: &str) {
         specification_hash: vec![0; 32],
         ..proto::RegisterRequest::default()
     };
-    let refused = client.register(with_deadline(register)).await.unwrap_err();
+    let refused = client
+        .register(with_deadline(register))
+        .await
+        .expect_err("a refusal");
     assert_eq!(refused.code(), Code::PermissionDenied);
 }
 
@@ -134,7 +139,7 @@ async fn strangers_are_kept_out(directory: &Path, url: &str, expired: (Vec<u8>, 
         },
     ];
     for stranger in strangers {
-        let refused = status(url, &stranger).await.unwrap_err();
+        let refused = status(url, &stranger).await.expect_err("a refusal");
         assert!(
             matches!(
                 refused.code(),
