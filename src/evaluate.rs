@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use training::TrainingError;
 use training::data::{Pairs, Source};
 use training::device::Accelerator;
-use training::evaluation::page::{Context, compose};
+use training::evaluation::page::{Bounds, Context, compose};
 use training::evaluation::paired::groups;
 use training::evaluation::refined::{Film, refine};
 use training::evaluation::rerender::Rerenderer;
@@ -63,11 +63,12 @@ pub struct Options {
     )]
     baselines: Vec<Baseline>,
     /// A table from `brdfarm dataset observability` of the same specification that has the two views
-    /// as a set. Errors are then compared with the bounds
+    /// as a set. Errors are then compared with the bounds: for the table's noise of sRGB codes, or for
+    /// that of --noise
     #[arg(long, value_name = "FILE.parquet")]
     observability: Option<PathBuf>,
     /// Add a camera's noise to the photographs that models and nearest read: Gaussian, of this
-    /// standard deviation in steps of an 8-bit code, the same for each of them
+    /// standard deviation in steps of an 8-bit code, of the codes that each of them reads
     #[arg(long, value_name = "STEPS", value_parser = noise_steps)]
     noise: Option<f32>,
     /// How a distribution over bins becomes a value
@@ -263,7 +264,7 @@ fn evaluate(
     networks: Vec<(String, TrainingOptions)>,
 ) -> anyhow::Result<()> {
     let positions = positions(pairs, options)?;
-    let observed = observed(options, pairs, &positions)?;
+    let observed = observed(options, pairs, &positions, noisy_codes(options, &networks))?;
     let nearest = || baselines::nearest(pairs, &positions, options.noise());
     let refined = |film| refined(pairs, &positions, nearest(), models.first(), film);
     let mut all = Vec::new();
@@ -293,6 +294,7 @@ fn evaluate(
         judged,
         seen,
         observed,
+        codes: noisy_codes(options, &networks),
         networks,
     };
     write(options, pairs, &found)?;
@@ -305,8 +307,20 @@ struct Found {
     judged: Vec<Vec<Judged>>,
     seen: Vec<u32>,
     observed: Option<Observed>,
+    /// The codes whose noise the bounds are for.
+    codes: Encoding,
     summaries: Vec<Summary>,
     networks: Vec<(String, TrainingOptions)>,
+}
+
+/// The codes whose noise bounds are for: sRGB codes, or where --noise adds it those that the networks
+/// read, if all read the same.
+fn noisy_codes(options: &Options, networks: &[(String, TrainingOptions)]) -> Encoding {
+    let mut codes = networks.iter().map(|(_, network)| network.encoding);
+    let first = codes.next().filter(|_| options.noise.is_some());
+    first
+        .filter(|first| codes.all(|other| other == *first))
+        .unwrap_or(Encoding::Srgb)
 }
 
 /// What photographs show of the materials that are judged, where a table says it.
@@ -314,12 +328,17 @@ fn observed(
     options: &Options,
     pairs: &Pairs,
     positions: &[usize],
+    codes: Encoding,
 ) -> anyhow::Result<Option<Observed>> {
     let Some(path) = &options.observability else {
         return Ok(None);
     };
-    let observed = observability::read(path, &pairs.identity.views, Encoding::Srgb.name());
+    let observed = observability::read(path, &pairs.identity.views, codes.name());
     let observed = observed.map_err(TrainingError::from)?;
+    let observed = match options.noise {
+        Some(steps) if steps > 0.0 => observed.at_noise(f64::from(steps / CODE_STEPS)),
+        _ => observed,
+    };
     if observed.specification != pairs.identity.specification {
         return Err(BadInput(format!(
             "{}: the table is of another specification than the export",
@@ -340,6 +359,7 @@ fn write(options: &Options, pairs: &Pairs, found: &Found) -> anyhow::Result<()> 
         judged,
         seen,
         observed,
+        codes,
         summaries,
         networks,
     } = found;
@@ -357,7 +377,12 @@ fn write(options: &Options, pairs: &Pairs, found: &Found) -> anyhow::Result<()> 
     let plot = box_plot::svg(&samples)?;
     let bounds = observed.as_ref().map(|observed| {
         let plot = over_bound::svg(all, judged, observed)?;
-        Ok::<_, TrainingError>((observed.noise_sd, plot))
+        let codes = codes.name();
+        Ok::<_, TrainingError>(Bounds {
+            noise_sd: observed.noise_sd,
+            codes,
+            plot,
+        })
     });
     let context = Context {
         dataset: pairs.specification.name.clone(),

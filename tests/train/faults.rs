@@ -212,7 +212,10 @@ fn noise_of_photographs_shows_in_what_is_made_of_them() {
     }
     assert_eq!(row(&noisy, "guess"), row(&exact, "guess"));
     let page = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
-    assert!(page.contains("deviation of 255 steps"), "{page}");
+    assert!(
+        page.contains("deviation of 255 steps of an 8-bit code"),
+        "{page}"
+    );
     for steps in ["-1", "nan", "256"] {
         let output = place.run(&format!("{evaluate} --noise={steps}"));
         assert_eq!(output.status.code(), Some(2));

@@ -191,10 +191,20 @@ fn losses_count_as_much_as_photographs_show() {
         parameters.lines().next().unwrap().ends_with(",bound_ior"),
         "{parameters}"
     );
-    let page = fs::read_to_string(place.path().join("judged/report.html")).unwrap();
-    for words in ["ior: least standard deviation", "<td>observable</td>"] {
-        assert!(page.contains(words), "{words}");
+    let page = || fs::read_to_string(place.path().join("judged/report.html")).unwrap();
+    for words in [
+        "ior: least standard deviation",
+        "<td>observable</td>",
+        "noise of 2.0 steps of an 8-bit srgb code",
+    ] {
+        assert!(page().contains(words), "{words}");
     }
+    let noisy = "evaluate shown --data pairs --out judged --observability shown.parquet --noise";
+    place.succeed(&format!("{noisy} 6"));
+    assert!(page().contains("noise of 6.0 steps of an 8-bit log code"));
+    // Of a perfect photograph no bound is known but the table's.
+    place.succeed(&format!("{noisy} 0"));
+    assert!(page().contains("noise of 2.0 steps of an 8-bit log code"));
 
     let observable = |rest: &str| format!("{train} a --weights observable --observability {rest}");
     place.succeed(&format!("{table} some.parquet --materials 0-3"));

@@ -32,6 +32,20 @@ pub struct ObservedMaterial {
     pub bound: [f64; PARAMETERS],
 }
 
+impl Observed {
+    /// The same with bounds for noise of another standard deviation, above 0, which they are
+    /// proportional to.
+    #[must_use]
+    pub fn at_noise(mut self, noise_sd: f64) -> Self {
+        let factor = noise_sd / self.noise_sd;
+        for material in self.materials.values_mut() {
+            material.bound = material.bound.map(|bound| factor * bound);
+        }
+        self.noise_sd = noise_sd;
+        self
+    }
+}
+
 /// What is read of the plan.
 #[derive(Deserialize)]
 struct Plan {

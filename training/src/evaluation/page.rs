@@ -30,8 +30,19 @@ pub struct Context {
     pub machine: String,
     /// The networks' names and how they were trained.
     pub networks: Vec<(String, Options)>,
-    /// Where Cramer-Rao bounds are known, the noise that they are for and the plot of errors over them.
-    pub bounds: Option<(f64, String)>,
+    /// Where Cramer-Rao bounds are known, what they are for and the plot of errors over them.
+    pub bounds: Option<Bounds>,
+}
+
+/// What the page says of Cramer-Rao bounds.
+#[derive(Clone, Debug)]
+pub struct Bounds {
+    /// The standard deviation of the noise that they are for, where white is 1.
+    pub noise_sd: f64,
+    /// The encoding of the pixels that have it.
+    pub codes: &'static str,
+    /// Errors over them, as SVG.
+    pub plot: String,
 }
 
 /// The whole page.
@@ -60,7 +71,8 @@ pub fn compose(
                 }
                 @if let Some(steps) = context.noise {
                     p { "The photographs that networks and nearest read had noise of a standard "
-                        "deviation of " (steps) " steps of an 8-bit code." }
+                        "deviation of " (steps) " steps of an 8-bit code, in the codes that each of "
+                        "them reads; nearest reads logarithmic ones." }
                 }
                 @if !context.networks.is_empty() {
                     h2 { "Networks" }
@@ -81,12 +93,12 @@ pub fn compose(
                 p { "Mean absolute errors; psi where it shows (R below 90 and A cubed above 0.3 of "
                     "the isotropic width)." }
                 (parameters(summaries))
-                @if let Some((noise_sd, plot)) = &context.bounds {
+                @if let Some(Bounds { noise_sd, codes, plot }) = &context.bounds {
                     h2 { "Against what is possible" }
                     p { "Median over materials of the absolute error over the Cramer-Rao bound, the "
                         "least standard deviation that an unbiased estimate from the two photographs "
                         "can have, for noise of " (format!("{:.1}", 255.0 * noise_sd)) " steps of an "
-                        "8-bit code. Materials count whose photographs tell more of the parameter than "
+                        "8-bit " (codes) " code. Materials count whose photographs tell more of the parameter than "
                         "its range does. A perfect estimator of so noisy photographs has 0.67." }
                     (against_bounds(summaries))
                     (PreEscaped(plot))
