@@ -129,9 +129,17 @@ fn noise_steps(text: &str) -> Result<f32, String> {
 impl Options {
     /// The noise of the photographs.
     fn noise(&self) -> Noise {
-        match self.noise {
+        match self.noise.filter(|steps| *steps > 0.0) {
             Some(steps) => Noise::Camera { steps },
             None => Noise::Exact,
+        }
+    }
+
+    /// Its standard deviation, where white is 1, if there is any.
+    fn noise_sd(&self) -> Option<f64> {
+        match self.noise() {
+            Noise::Camera { steps } => Some(f64::from(steps) / f64::from(CODE_STEPS)),
+            _ => None,
         }
     }
 }
@@ -264,7 +272,8 @@ fn evaluate(
     networks: Vec<(String, TrainingOptions)>,
 ) -> anyhow::Result<()> {
     let positions = positions(pairs, options)?;
-    let observed = observed(options, pairs, &positions, noisy_codes(options, &networks))?;
+    let codes = noisy_codes(options, &networks);
+    let observed = observed(options, pairs, &positions, codes)?;
     let nearest = || baselines::nearest(pairs, &positions, options.noise());
     let refined = |film| refined(pairs, &positions, nearest(), models.first(), film);
     let mut all = Vec::new();
@@ -294,7 +303,7 @@ fn evaluate(
         judged,
         seen,
         observed,
-        codes: noisy_codes(options, &networks),
+        codes,
         networks,
     };
     write(options, pairs, &found)?;
@@ -317,7 +326,7 @@ struct Found {
 /// read, if all read the same.
 fn noisy_codes(options: &Options, networks: &[(String, TrainingOptions)]) -> Encoding {
     let mut codes = networks.iter().map(|(_, network)| network.encoding);
-    let first = codes.next().filter(|_| options.noise.is_some());
+    let first = codes.next().filter(|_| options.noise_sd().is_some());
     first
         .filter(|first| codes.all(|other| other == *first))
         .unwrap_or(Encoding::Srgb)
@@ -335,9 +344,9 @@ fn observed(
     };
     let observed = observability::read(path, &pairs.identity.views, codes.name());
     let observed = observed.map_err(TrainingError::from)?;
-    let observed = match options.noise {
-        Some(steps) if steps > 0.0 => observed.at_noise(f64::from(steps / CODE_STEPS)),
-        _ => observed,
+    let observed = match options.noise_sd() {
+        Some(noise_sd) => observed.at_noise(noise_sd),
+        None => observed,
     };
     if observed.specification != pairs.identity.specification {
         return Err(BadInput(format!(

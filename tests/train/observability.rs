@@ -202,9 +202,10 @@ fn losses_count_as_much_as_photographs_show() {
     let noisy = "evaluate shown --data pairs --out judged --observability shown.parquet --noise";
     place.succeed(&format!("{noisy} 6"));
     assert!(page().contains("noise of 6.0 steps of an 8-bit log code"));
-    // Of a perfect photograph no bound is known but the table's.
+    // No noise leaves the table's bounds, and the least that a number can tell breaks nothing.
     place.succeed(&format!("{noisy} 0"));
-    assert!(page().contains("noise of 2.0 steps of an 8-bit log code"));
+    assert!(page().contains("noise of 2.0 steps of an 8-bit srgb code"));
+    place.succeed(&format!("{noisy} 1e-45"));
 
     let observable = |rest: &str| format!("{train} a --weights observable --observability {rest}");
     place.succeed(&format!("{table} some.parquet --materials 0-3"));
