@@ -65,6 +65,12 @@ impl Targets {
                 metric(&found.information, &label.material, colours).map(|entry| entry as f32)
             })?,
         };
+        // A table may hold any finite number.
+        if !metrics.as_flattened().iter().all(|entry| entry.is_finite()) {
+            return Err(TrainingError::Input(
+                "the table of observability has information that 32 bits do not hold".to_owned(),
+            ));
+        }
         Ok(Self {
             values,
             entropies,
