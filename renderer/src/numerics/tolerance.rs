@@ -1,6 +1,6 @@
 //! The tolerance of a rule over a lobe, and the points that it takes.
 
-use std::f64::consts::LN_10;
+use std::f64::consts::{LN_10, PI};
 
 /// A tolerance finer by this many digits takes at least one point more along every interval.
 const FINER_DIGITS: f64 = 3.3;
@@ -22,6 +22,24 @@ pub struct Tolerance {
     digits: f64,
     /// How many finer ones it is the check of.
     level: u32,
+}
+
+/// A midpoint rule over all of a lobe, in widths from its middle.
+#[derive(Clone, Copy, Debug)]
+pub struct Midpoints {
+    /// How many points.
+    pub count: usize,
+    /// How far they reach to either side.
+    pub reach: f64,
+}
+
+impl Midpoints {
+    /// The points and their weights.
+    #[inline(always)]
+    pub fn nodes(self) -> impl Iterator<Item = (f64, f64)> {
+        let step = 2.0 * self.reach / self.count as f64;
+        (0..self.count).map(move |index| ((index as f64 + 0.5) * step - self.reach, step))
+    }
 }
 
 impl Tolerance {
@@ -93,6 +111,23 @@ impl Tolerance {
     pub fn points(self, widths: f64, more: f64) -> usize {
         let d = self.digits;
         (0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more).ceil() as usize
+    }
+
+    /// A midpoint rule over all of a lobe. Points h widths apart miss about exp(-2 pi^2 / h^2) of a normal
+    /// density (Poisson's summation formula).
+    pub fn midpoints(self) -> Midpoints {
+        let reach = (2.0 * self.fall()).sqrt();
+        let apart = PI * (2.0 / (LN_10 * self.digits)).sqrt();
+        Midpoints {
+            count: (2.0 * reach / apart).ceil() as usize,
+            reach,
+        }
+    }
+
+    /// Gauss points for the arcs of a disc, in a variable in which their lengths are smooth. Found by
+    /// trying: 3 points miss 8e-3, 4 1e-3, 5 1.4e-4, 6 2e-5.
+    pub fn points_of_arcs(self) -> usize {
+        (0.6 + 1.16 * self.digits).ceil() as usize
     }
 
     /// How far the logarithm of an integrand falls before what is left no longer counts.

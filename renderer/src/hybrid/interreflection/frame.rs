@@ -2,7 +2,7 @@
 
 use super::sample_rule::SampleFrame;
 use super::surface::Surface;
-use super::transfer::Receiver;
+use super::transfer::{Bulb, Receiver};
 use crate::hybrid::chart_on_film::ChartOnFilm;
 use crate::hybrid::view::View;
 use crate::numerics::polygon::Rectangle;
@@ -31,7 +31,7 @@ impl<'a> Frame<'a> {
     /// The frame of a view, its chart and a material.
     pub fn new(view: &'a View, chart: &'a ChartOnFilm, reflectance: &Reflectance) -> Self {
         let half = view.sample_half;
-        let sample = SampleFrame::new(half, &reflectance.lobe, view.instructions);
+        let sample = SampleFrame::new(half, reflectance, view.instructions);
         Self {
             view,
             chart,
@@ -66,6 +66,18 @@ impl<'a> Frame<'a> {
         Receiver {
             position: self.sample.to_frame(self.point(at)),
             normal: self.sample.to_frame(self.chart.plane.z),
+        }
+    }
+
+    /// The bulb in the sample's frame.
+    pub fn bulb(&self) -> Bulb {
+        let bulb = &self.view.bulb;
+        let [cos, sin] = self.sample.u_axis;
+        Bulb {
+            centre: self.sample.to_frame(bulb.centre),
+            radius: bulb.radius,
+            radiance: bulb.radiance,
+            x_axis: [cos, -sin],
         }
     }
 

@@ -255,7 +255,7 @@ fn row(
     scratch: &mut Scratch,
 ) -> Row {
     let receiver = frame.receiver(at);
-    let rule = frame.sample.rule(&receiver, None, rule_tolerance(level));
+    let rule = frame.sample.rule(&receiver, rule_tolerance(level));
     let Scratch { batch, sums } = scratch;
     let source = ChartPoints {
         normal: receiver.normal,

@@ -15,6 +15,7 @@
 //! bound is large and no rule resolves the lobe, the answer is [`Unresolved`].
 
 mod bound;
+mod bulb_arcs;
 pub mod cache;
 mod frame;
 mod higher;

@@ -1,14 +1,17 @@
 //! Order 1: from the bulb off the sample to the chart.
 
+use super::bulb_arcs::{PlainLineBatch, from_bulb_by_arcs};
 use super::frame::Frame;
 use super::levels::{ORDER_1_TERMS, compared, rule_tolerance};
+use super::sample_rule::ForBulb;
 use super::sources::disc;
-use super::transfer::{Bulb, LineBatch, LineSums, from_bulb};
+use super::transfer::{LineBatch, LineSums, from_bulb};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
     DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, NEIGHBOURS_DOUBT, RINGS_MAX, RULE_SHARE,
     SERIES_FIRST, SLIVER, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
+use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
 use crate::numerics::polygon::Rectangle;
@@ -59,6 +62,7 @@ impl Order1 {
 #[derive(Default)]
 struct Scratch {
     batch: LineBatch,
+    lines: PlainLineBatch,
     sums: LineSums,
 }
 
@@ -279,50 +283,52 @@ fn value(
     scratch: &mut Scratch,
 ) -> Value {
     let receiver = frame.receiver(at);
-    let centre = frame.sample.to_frame(frame.view.bulb.centre);
-    let rule = frame
-        .sample
-        .rule(&receiver, Some(centre), rule_tolerance(level));
-    let Scratch { batch, sums } = scratch;
-    batch.clear();
-    for [v, weight, low, high] in &rule.lines {
-        for [x, y, share] in disc {
-            batch.push([*v, *weight, *low, *high, *x, *y, *share]);
+    let bulb = frame.bulb();
+    let tolerance = rule_tolerance(level);
+    let rule = frame.sample.rule_for_bulb(&receiver, &bulb, tolerance);
+    let (instructions, surface) = (frame.view.instructions, &frame.surface);
+    let Scratch { batch, lines, sums } = scratch;
+    let (count, size) = match rule.along {
+        ForBulb::Points(along) => {
+            batch.clear();
+            for [v, weight, low, high] in &rule.lines {
+                for [x, y, share] in disc {
+                    batch.push([*v, *weight, *low, *high, *x, *y, *share]);
+                }
+            }
+            sums.resize(batch.blocks().len(), Default::default());
+            from_bulb(instructions, batch, &receiver, surface, along, &bulb, sums);
+            (batch.count(), along.rule.size())
         }
-    }
-    sums.resize(batch.blocks().len(), Default::default());
-    let view = frame.view;
-    let [cos, sin] = frame.sample.u_axis;
-    let bulb = Bulb {
-        centre,
-        radius2: view.bulb.radius * view.bulb.radius,
-        radiance: view.bulb.radiance,
-        x_axis: [cos, -sin],
+        ForBulb::Arcs(rules) => {
+            lines.clear();
+            for line in &rule.lines {
+                lines.push(*line);
+            }
+            sums.resize(lines.blocks().len(), Default::default());
+            from_bulb_by_arcs(instructions, lines, &receiver, surface, rules, &bulb, sums);
+            (lines.count(), rules.size())
+        }
     };
-    let instructions = view.instructions;
-    from_bulb(
-        instructions,
-        batch,
-        &receiver,
-        &frame.surface,
-        rule.along,
-        &bulb,
-        sums,
-    );
-    let mut light = [0.0; 3];
-    let per_block = sums.first().map_or(1, |block| block[0].len());
-    for index in 0..batch.count() {
-        let block = &sums[index / per_block];
-        for (sum, channel) in light.iter_mut().zip(block) {
-            *sum += channel[index % per_block];
-        }
-    }
+    let light = total(sums, count);
     debug_assert!(light.iter().all(|channel| channel.is_finite()));
     Value {
         light,
-        evaluations: batch.count() as u64 * rule.along.rule.size() as u64,
+        evaluations: count as u64 * size as u64,
         resolved: rule.resolved,
     }
+}
+
+/// The sum over the first lines.
+fn total(sums: &LineSums, count: usize) -> [f64; 3] {
+    let mut light = [0.0; 3];
+    for index in 0..count {
+        let block = &sums[index / LANES];
+        for (sum, channel) in light.iter_mut().zip(block) {
+            *sum += channel[index % LANES];
+        }
+    }
+    light
 }
 
 #[cfg(test)]
@@ -368,6 +374,38 @@ mod tests {
             }
             assert!(better > POINTS / 8, "{index} {view}: {better}");
             assert!(off_by_more <= POINTS / 100, "{index} {view}: {off_by_more}");
+        }
+    }
+
+    /// Where the bulb is cut into arcs, finer rules find what coarser ones do, but for their digits. With points
+    /// of the bulb they moved by a hundredth from each level to the next.
+    #[test]
+    fn rules_over_a_wide_bulb_converge() {
+        let specification = Specification::preset();
+        for (index, view) in [(608, 2), (416, 1), (608, 1)] {
+            let material = specification.material(index).material;
+            let scene = Scene::new(&specification, view, BackendChoice::Native)
+                .expect("a backend")
+                .expect("a scene");
+            let rotation = specification.views[view].rotation_deg;
+            let reflectance = Reflectance::new(&material, rotation, specification.tint);
+            let prepared = PreparedView::new(&scene, &specification).expect("a view for hybrid");
+            let chart = prepared.chart.as_ref().expect("a chart");
+            let frame = Frame::new(&prepared.view, chart, &reflectance);
+            let lights = |level: usize| -> Vec<[f64; 3]> {
+                let nodes: Vec<[f64; 2]> = points(&frame.bounds()).collect();
+                let values = values(&frame, &nodes, &disc(1), level);
+                values.into_iter().map(|value| value.light).collect()
+            };
+            let exact = lights(LEVEL_MAX + 1);
+            let most = exact.iter().fold(0.0, |most, light| largest(*light).max(most));
+            for (level, share) in [(1, 2e-3), (3, 2e-4), (5, 1e-5)] {
+                let pairs = lights(level).into_iter().zip(&exact);
+                let off = pairs.fold(0.0, |off, (found, exact)| {
+                    largest_difference(found, *exact).max(off)
+                });
+                assert!(off < share * most, "{index} {view} {level}: {off} of {most}");
+            }
         }
     }
 

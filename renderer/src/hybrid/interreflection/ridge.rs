@@ -34,6 +34,8 @@ pub struct Ridge {
     pub n_u: f64,
     /// How many widths of the lobe count on either side.
     pub reach: f64,
+    /// The source's radius: 0 for its centre alone.
+    pub radius: f64,
     pub instructions: Instructions,
 }
 
@@ -64,19 +66,22 @@ impl Brackets {
 }
 
 /// How many widths of the lobe a point lies off it. Far out along its other axis the lobe is wider
-/// along this one.
+/// along this one. For a source with a radius these are drawn together: `reach` of them are the lobe's and
+/// those over which the middle moves from the source's centre to its outline.
 #[inline(always)]
 fn off(ridge: &Ridge, [u, v]: [f64; 2]) -> f64 {
     let unit = |w: &Vec3| {
         let (x, y, z) = (w.x - u, w.y - v, w.z);
         let inverse = 1.0 / (x * x + y * y + z * z).sqrt();
-        [x * inverse, y * inverse, z * inverse]
+        ([x * inverse, y * inverse, z * inverse], inverse)
     };
-    let (a, b) = (unit(&ridge.receiver), unit(&ridge.source));
+    let ((a, _), (b, per_source)) = (unit(&ridge.receiver), unit(&ridge.source));
     let half = [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
     let [p, q] = [half[0] / half[2], half[1] / half[2]];
     let t = q * q + f64::MIN_POSITIVE;
-    p * (ridge.n_u * (log1p(t) / t)).sqrt()
+    let per_width = (ridge.n_u * (log1p(t) / t)).sqrt();
+    let outline = ridge.radius * per_source * (1.0 - b[0] * b[0]).sqrt() / half[2];
+    p * per_width / (1.0 + outline * per_width / ridge.reach)
 }
 
 kernel! {

@@ -4,16 +4,19 @@
 //! v = nearest + delta sinh s, about the point of the sample nearest to the receiver. It is parted at the
 //! square's corners, and where a lobe that is narrow along the lines begins to leave the square and has
 //! left it: in between the integral along a line falls like an error function. [`super::transfer`]
-//! integrates along each line.
+//! integrates along each line, and [`super::bulb_arcs`] where the bulb looks wider than the lobe.
 
+use super::bulb_arcs::ArcRules;
 use super::ridge::{Ridge, span_along};
-use super::transfer::{Along, Receiver};
-use crate::hybrid::budget::interreflection::{BESIDE_RIDGE_EXPONENT, ROTATED_FROM, TAIL_DIGITS};
+use super::transfer::{Along, Bulb, Receiver};
+use crate::hybrid::budget::interreflection::{
+    ARCS_HALF_ANGLE_MAX, BESIDE_RIDGE_EXPONENT, BULB_WIDTHS, ROTATED_FROM, TAIL_DIGITS,
+};
 use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
-use crate::reflectance::lobe::Lobe;
+use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
 
 /// A lobe of exponent n falls by exp(-1/2) over a slope of 1/sqrt(n), which is an angle of about
@@ -41,25 +44,36 @@ pub struct SampleFrame {
     pub u_axis: [f64; 2],
     /// Whether h_u is the slope along which the lobe is narrow, so that lines can be cut to it.
     aligned: bool,
+    /// Whether a bulb that looks wider than the lobe is cut into arcs about the lines.
+    arcs: bool,
     n_u: f64,
     n_v: f64,
     instructions: Instructions,
 }
 
-/// The lines for a receiver: v, weight, and the least and largest u of each; and the rule along
-/// them.
-pub struct SampleRule {
-    /// v, its weight, and both ends.
-    pub lines: Vec<[f64; 4]>,
-    /// The rule along each.
-    pub along: Along,
+/// v of a line, its weight, and its least and largest u.
+type Line = [f64; 4];
+
+/// The lines for a receiver, and what runs along each.
+pub struct SampleRule<Rules> {
+    pub lines: Vec<Line>,
+    pub along: Rules,
     /// Whether the rules have points enough for the lobe.
     pub resolved: bool,
 }
 
+/// What runs along each line for the bulb.
+pub enum ForBulb {
+    /// A rule for each point of a cubature over the bulb.
+    Points(Along),
+    /// Rules over arcs of the bulb.
+    Arcs(ArcRules),
+}
+
 impl SampleFrame {
-    /// The frame for a lobe on a square of this half side.
-    pub fn new(half: f64, lobe: &Lobe, instructions: Instructions) -> Self {
+    /// The frame for a material on a square of this half side.
+    pub fn new(half: f64, reflectance: &Reflectance, instructions: Instructions) -> Self {
+        let lobe = &reflectance.lobe;
         let isotropic = lobe.n_u <= lobe.n_v;
         let rotated = lobe.n_u > ROTATED_FROM && !isotropic;
         let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
@@ -71,6 +85,7 @@ impl SampleFrame {
                 [1.0, 0.0]
             },
             aligned: rotated || isotropic,
+            arcs: rotated && reflectance.specular_share == 1.0,
             n_u: lobe.n_u,
             n_v: if rotated { lobe.n_v } else { lobe.n_u },
             instructions,
@@ -99,33 +114,78 @@ impl SampleFrame {
         [x[0].max(y[0]), x[1].min(y[1])]
     }
 
-    /// The middle of the lobe between a receiver and a source, if lines run across a narrow one.
-    fn ridge(&self, receiver: Vec3, source: Vec3, tolerance: Tolerance) -> Option<Ridge> {
+    /// The middle of the lobe between a receiver and the bulb, if lines run across a narrow one. `radius` is
+    /// the bulb's, or 0 for its centre.
+    fn ridge(
+        &self,
+        receiver: Vec3,
+        (source, radius): (Vec3, f64),
+        tolerance: Tolerance,
+    ) -> Option<Ridge> {
         (self.aligned && self.n_u > ROTATED_FROM).then(|| Ridge {
             receiver,
             source,
             n_u: self.n_u,
             reach: 0.5 * tolerance.reach_widths(TAIL_DIGITS),
+            radius,
             instructions: self.instructions,
         })
     }
 
-    /// The rule for a receiver, and for a source if all lines share one (both in the frame).
-    pub fn rule(
+    /// The rule for a receiver and any sources (in the frame).
+    pub fn rule(&self, receiver: &Receiver, tolerance: Tolerance) -> SampleRule<Along> {
+        let (lines, resolved) = self.lines(receiver, None, tolerance);
+        self.with_points(receiver, lines, None, (tolerance, resolved))
+    }
+
+    /// The rule for a receiver and the bulb.
+    pub fn rule_for_bulb(
         &self,
         receiver: &Receiver,
-        source: Option<Vec3>,
+        bulb: &Bulb,
         tolerance: Tolerance,
-    ) -> SampleRule {
-        let ([cos, sin], half, c) = (self.u_axis, self.half, receiver.position);
-        let (x, y) = (c.x * cos - c.y * sin, c.x * sin + c.y * cos);
-        let (near_x, near_y) = (x.clamp(-half, half), y.clamp(-half, half));
-        let nearest = near_y * cos - near_x * sin;
-        let delta = Vec3::new(x - near_x, y - near_y, c.z).length();
+    ) -> SampleRule<ForBulb> {
+        let c = receiver.position;
+        let half_angle = bulb.radius / bulb.centre.length();
+        let arcs = self.arcs
+            && half_angle < ARCS_HALF_ANGLE_MAX
+            && WIDTHS_PER_ANGLE * half_angle * self.n_u.sqrt() > BULB_WIDTHS;
+        let radius = if arcs { bulb.radius } else { 0.0 };
+        let ridge = self.ridge(c, (bulb.centre, radius), tolerance);
+        let (lines, resolved) = self.lines(receiver, ridge.as_ref(), tolerance);
+        if arcs {
+            let widths = 2.0 * WIDTHS_PER_ANGLE * half_angle * self.n_v.sqrt();
+            let points = tolerance.points(widths, 0.0);
+            let rules = ArcRules {
+                across: tolerance.midpoints(),
+                arcs: GaussRule::of(tolerance.points_of_arcs()),
+                along: GaussRule::of(points),
+            };
+            return SampleRule {
+                lines,
+                along: ForBulb::Arcs(rules),
+                resolved: resolved && points <= POINTS_MAX,
+            };
+        }
+        let rule = self.with_points(receiver, lines, ridge.as_ref(), (tolerance, resolved));
+        SampleRule {
+            lines: rule.lines,
+            along: ForBulb::Points(rule.along),
+            resolved: rule.resolved,
+        }
+    }
+
+    /// Lines for a receiver, and for what mirrors the bulb if all share one; whether they are enough.
+    fn lines(
+        &self,
+        receiver: &Receiver,
+        ridge: Option<&Ridge>,
+        tolerance: Tolerance,
+    ) -> (Vec<Line>, bool) {
+        let (nearest, delta) = self.nearest(receiver);
         let mut lines = Vec::with_capacity(LINES_LIKELY);
         let mut resolved = true;
-        let ridge = source.and_then(|source| self.ridge(c, source, tolerance));
-        let exponent = match &ridge {
+        let exponent = match ridge {
             Some(_) => self.n_v.max(BESIDE_RIDGE_EXPONENT),
             None => self.n_v,
         };
@@ -133,7 +193,7 @@ impl SampleFrame {
             let e = exp(s);
             nearest + 0.5 * delta * (e - 1.0 / e)
         };
-        let ends = self.ends(ridge.as_ref(), |v| asinh((v - nearest) / delta));
+        let ends = self.ends(ridge, |v| asinh((v - nearest) / delta));
         for pair in ends.windows(2) {
             let [from, to] = [pair[0], pair[1]];
             if to - from < SHORTEST {
@@ -144,7 +204,7 @@ impl SampleFrame {
                 let [low, high] = self.line(v);
                 [v, low, high]
             };
-            let passed = ridge.as_ref().map_or(Some(0.0), |ridge| {
+            let passed = ridge.map_or(Some(0.0), |ridge| {
                 ridge.widths_passed([line(INSIDE), line(0.5), line(1.0 - INSIDE)])
             });
             let Some(widths) = passed else {
@@ -163,9 +223,20 @@ impl SampleFrame {
                 }
             }
         }
-        let most = match &ridge {
+        (lines, resolved)
+    }
+
+    /// The same with a rule along each line, which serves any source there.
+    fn with_points(
+        &self,
+        receiver: &Receiver,
+        lines: Vec<Line>,
+        ridge: Option<&Ridge>,
+        (tolerance, resolved): (Tolerance, bool),
+    ) -> SampleRule<Along> {
+        let most = match ridge {
             Some(ridge) => ridge.points_along(&lines, tolerance),
-            None => self.points_along(receiver, &lines, nearest, tolerance),
+            None => self.points_along(receiver, &lines, tolerance),
         };
         let within = tolerance.points(tolerance.reach_widths(TAIL_DIGITS), 1.0);
         let cut = self.aligned && within < most;
@@ -179,16 +250,20 @@ impl SampleFrame {
         }
     }
 
-    /// Points along every line, by the longest and the one nearest to the receiver, whose v is `nearest`.
-    fn points_along(
-        &self,
-        receiver: &Receiver,
-        lines: &[[f64; 4]],
-        nearest: f64,
-        tolerance: Tolerance,
-    ) -> usize {
-        let length = |[_, _, low, high]: &[f64; 4]| high - low;
-        let off = |[v, ..]: &[f64; 4]| (v - nearest).abs();
+    /// The v of the sample's point that is nearest to a receiver, and how far that is.
+    fn nearest(&self, receiver: &Receiver) -> (f64, f64) {
+        let ([cos, sin], half, c) = (self.u_axis, self.half, receiver.position);
+        let (x, y) = (c.x * cos - c.y * sin, c.x * sin + c.y * cos);
+        let (near_x, near_y) = (x.clamp(-half, half), y.clamp(-half, half));
+        let delta = Vec3::new(x - near_x, y - near_y, c.z).length();
+        (near_y * cos - near_x * sin, delta)
+    }
+
+    /// Points along every line, by the longest and the one nearest to the receiver.
+    fn points_along(&self, receiver: &Receiver, lines: &[Line], tolerance: Tolerance) -> usize {
+        let (nearest, _) = self.nearest(receiver);
+        let length = |[_, _, low, high]: &Line| high - low;
+        let off = |[v, ..]: &Line| (v - nearest).abs();
         let longest = lines.iter().max_by(|a, b| length(a).total_cmp(&length(b)));
         let closest = lines.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
         let points = longest
@@ -201,7 +276,7 @@ impl SampleFrame {
     fn points_along_one(
         &self,
         receiver: &Receiver,
-        [v, _, low, high]: [f64; 4],
+        [v, _, low, high]: Line,
         tolerance: Tolerance,
     ) -> usize {
         let span = span_along(&receiver.position, [v, low, high]);

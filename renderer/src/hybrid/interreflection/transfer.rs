@@ -68,8 +68,8 @@ trait Sources {
 pub struct Bulb {
     /// The centre in the frame.
     pub centre: Vec3,
-    /// Squared, in square metres.
-    pub radius2: f64,
+    /// In metres.
+    pub radius: f64,
     /// In units of white.
     pub radiance: f64,
     /// The world's x axis in the frame. No direction to the centre is parallel to it, because the
@@ -84,7 +84,7 @@ impl Sources for Bulb {
         let distance2 = cx * cx + cy * cy + cz * cz;
         let inverse = 1.0 / distance2.sqrt();
         let (cx, cy, cz) = (cx * inverse, cy * inverse, cz * inverse);
-        let sin2 = self.radius2 * inverse * inverse;
+        let sin2 = self.radius * self.radius * inverse * inverse;
         // The x axis times the centre's direction.
         let [ex, ey] = self.x_axis;
         let (ax, ay, az) = (ey * cz, -ex * cz, ex * cy - ey * cx);

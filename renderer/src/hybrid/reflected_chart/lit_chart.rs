@@ -92,15 +92,15 @@ impl Heights {
 const MISSED_MARGIN: f64 = 1.5;
 
 impl LitChart {
-    /// Into how many parts a patch's side has to be cut for the polynomials of [`LitChart::new`] to
-    /// tell radiance to `allowed`.
+    /// Into how many parts a patch's side has to be cut, `least` or more, for the polynomials of
+    /// [`LitChart::new`] to tell radiance to `allowed`.
     pub fn parts(
         chart: &ChartOnFilm,
         gap: f64,
-        allowed: f64,
+        (least, allowed): (u32, f64),
         irradiance: impl Fn([f64; 2]) -> [f64; 3],
     ) -> u32 {
-        let mut parts = 1;
+        let mut parts = least;
         loop {
             let missed = Self::new(chart, gap, parts, &irradiance).missed(&irradiance);
             let more = (2 * parts) * (2 * parts) * chart.patches.len() as u32;

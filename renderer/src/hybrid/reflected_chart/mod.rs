@@ -34,18 +34,18 @@ pub fn add(
     interreflection: &Interreflection,
     reflectance: &Reflectance,
 ) -> u64 {
-    // Only the bulb's own light can need smaller parts: what the sample sends is a few hundredths
-    // of it, and its part shows in `light_error`.
     let gap = interreflection.gap();
-    let parts = LitChart::parts(chart, gap, view.budget.light_on_chart(), |at| {
-        [view.bulb_on_chart(&chart.plane, at); 3]
-    });
+    let allowed = view.budget.light_on_chart();
+    let direct = |at: [f64; 2]| [view.bulb_on_chart(&chart.plane, at); 3];
+    let parts = LitChart::parts(chart, gap, (1, allowed), direct);
     let irradiance = |at: [f64; 2]| {
         let direct = view.bulb_on_chart(&chart.plane, at);
         interreflection
             .on_chart_for_sample(at)
             .map(|channel| channel + direct)
     };
+    let allowed = reflected_chart::OFF_SAMPLE_SHARE * allowed;
+    let parts = LitChart::parts(chart, gap, (parts, allowed), irradiance);
     let lit = LitChart::new(chart, gap, parts, irradiance);
     let finer = LitChart::new(chart, gap, 2 * parts, irradiance);
     let add = if is_glossy(reflectance) {
