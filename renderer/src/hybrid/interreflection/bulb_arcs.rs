@@ -428,7 +428,7 @@ mod tests {
         fn arcs_send_what_many_points_of_the_bulb_send(
             position in (-0.1..0.1f64, 0.05..0.2f64, 0.01..0.15f64),
             towards in (-0.5..0.5f64, -0.8..0.2f64, 0.2..0.9f64),
-            sine in 0.01..0.15f64, lobe_share in 0.1..0.33f64, n_v in 0.5..60.0f64,
+            sine in 0.01..0.15f64, lobe_share in 0.1..0.5f64, n_v in 0.5..60.0f64,
             v in -0.05..0.04f64, ends in (-1.5..1.5f64, 0.2..3.0f64), ior in 1.3..8.0f64,
         ) {
             let receiver = Receiver {
@@ -461,7 +461,7 @@ mod tests {
             let expected = by_points(line, transport);
             let off = (found - expected).abs() / scale;
             // The model bends where both cosines are equal, and arcs have few points.
-            prop_assert!(off < 5e-3, "{found} {expected} of {scale}");
+            prop_assert!(off < 1e-2, "{found} {expected} of {scale}");
         }
     }
 }
