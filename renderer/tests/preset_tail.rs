@@ -4,7 +4,7 @@ use dataset::Specification;
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
-const CASES: [(u32, u32, &str); 7] = [
+const CASES: [(u32, u32, &str); 9] = [
     (
         288,
         5,
@@ -39,6 +39,16 @@ const CASES: [(u32, u32, &str); 7] = [
         752,
         5,
         "tiles whose series were better than they had to be were worked out with a finer rule",
+    ),
+    (
+        608,
+        2,
+        "points of the bulb left the sample's mirror image one by one",
+    ),
+    (
+        6176,
+        4,
+        "polynomials over a patch told too little of what the sample sends there",
     ),
 ];
 
