@@ -161,8 +161,7 @@ impl<'a> Lines<'a> {
         let t = h_v * h_v / (h_z * h_z) + 1e-12;
         let width = h_z * (t / (transport.surface.n_u * log1p(t))).sqrt();
         let (cos_receiver, cos_bulb) = (near * per_receiver, far * per_bulb);
-        let turns =
-            cos_receiver * cos_receiver * per_receiver + cos_bulb * cos_bulb * per_bulb;
+        let turns = cos_receiver * cos_receiver * per_receiver + cos_bulb * cos_bulb * per_bulb;
         width / turns
     }
 }
@@ -314,12 +313,7 @@ impl Arcs {
 
 /// The body of the kernel for one block.
 #[inline(always)]
-fn add_block(
-    lines: &Lines<'_>,
-    transport: Transport<'_>,
-    rules: ArcRules,
-    sums: &mut [Lanes; 3],
-) {
+fn add_block(lines: &Lines<'_>, transport: Transport<'_>, rules: ArcRules, sums: &mut [Lanes; 3]) {
     for (x, weight_x) in rules.across.nodes() {
         let mut ends = [ZERO; 2];
         for side in 0..2 {

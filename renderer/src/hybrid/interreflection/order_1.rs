@@ -398,13 +398,18 @@ mod tests {
                 values.into_iter().map(|value| value.light).collect()
             };
             let exact = lights(LEVEL_MAX + 1);
-            let most = exact.iter().fold(0.0, |most, light| largest(*light).max(most));
+            let most = exact
+                .iter()
+                .fold(0.0, |most, light| largest(*light).max(most));
             for (level, share) in [(1, 2e-3), (3, 2e-4), (5, 1e-5)] {
                 let pairs = lights(level).into_iter().zip(&exact);
                 let off = pairs.fold(0.0, |off, (found, exact)| {
                     largest_difference(found, *exact).max(off)
                 });
-                assert!(off < share * most, "{index} {view} {level}: {off} of {most}");
+                assert!(
+                    off < share * most,
+                    "{index} {view} {level}: {off} of {most}"
+                );
             }
         }
     }
