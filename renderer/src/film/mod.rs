@@ -6,6 +6,7 @@ pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 mod pixel;
 mod refine;
+pub(crate) mod region;
 mod tile_nodes;
 pub(crate) mod tiling;
 

@@ -9,6 +9,7 @@
 use super::canvas::{Brightness, Canvas};
 use super::demand::{Demand, FunctionError};
 use super::refine::{cut_out, refine, roots};
+use super::region::{Region, add_region, add_tile};
 use super::tile_nodes::{LINES, NodeValues, TERMS};
 use super::{pixel, target};
 use crate::numerics::channels::largest_difference;
@@ -47,14 +48,6 @@ const STRIP_LENGTH: f64 = 8.0;
 
 /// A thicker tile may be longer than wide by this factor, for the same reason.
 const ASPECT_MAX: f64 = 16.0;
-
-/// A part of the outline that multiplies the function.
-pub struct Region {
-    /// Where.
-    pub outline: Polygon,
-    /// By what, a channel.
-    pub factor: [f64; 3],
-}
 
 /// A function of the film. What it works with is kept from call to call.
 pub trait Shade: Sync {
@@ -133,7 +126,8 @@ pub fn integrate<S: Shade>(
             match growth {
                 Growth::Nothing => {}
                 Growth::Tile(tile, error) => {
-                    add_tile(canvas, &tile, error, shade, regions);
+                    let function_error = |cell: &Rectangle| shade.function_error(cell);
+                    add_tile(canvas, &tile, error, function_error, regions);
                 }
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {
@@ -400,7 +394,16 @@ impl<S: Shade> Tiling<'_, S> {
             *value = function.at(at, tolerance);
             apart = apart.max(largest_difference(*value, tile.value(at)));
         }
-        for at in tile.rectangle.corners().into_iter().chain(sides) {
+        let corners = tile.rectangle.corners();
+        let mut at_corners = [[0.0; 3]; 4];
+        for (at, value) in corners.into_iter().zip(&mut at_corners) {
+            if !is_met(kept * apart) {
+                return None;
+            }
+            *value = function.at(at, tolerance);
+            apart = apart.max(largest_difference(*value, tile.value(at)));
+        }
+        for at in sides {
             if !is_met(kept * apart) {
                 return None;
             }
@@ -411,12 +414,37 @@ impl<S: Shade> Tiling<'_, S> {
         if !is_met(mean) {
             return None;
         }
-        let missed = rule.times * self.missed_at(&between, &values, tolerance, function);
+        // A rule may miss most where the function is nearest to what it shows: at a corner.
+        let mut missed = self.missed_at(&between, &values, tolerance, function);
+        if is_met(rule.times * missed) {
+            let at_most = self.missed_at_corners(&tile.rectangle, &at_corners, tolerance, function);
+            missed = missed.max(at_most);
+        }
+        let missed = rule.times * missed;
         mean = mean.max(missed);
         is_met(mean).then(|| FitError {
             mean,
             point: fit.error.max(apart).max(missed),
         })
+    }
+
+    /// What a rule misses at the corners of what the outline has of a tile. `values` are those at the tile's own.
+    fn missed_at_corners(
+        &self,
+        rectangle: &Rectangle,
+        values: &[[f64; 3]; 4],
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> f64 {
+        if self.outline.contains(rectangle) {
+            return self.missed_at(&rectangle.corners(), values, tolerance, function);
+        }
+        let covered = self.outline.clipped(rectangle);
+        let missed = covered.corners().iter().map(|&at| {
+            let value = function.at(at, tolerance);
+            self.missed_at(&[at], &[value], tolerance, function)
+        });
+        missed.fold(0.0, f64::max)
     }
 
     /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
@@ -538,47 +566,4 @@ fn axis_to_halve(rectangle: &Rectangle, steep: usize) -> Option<usize> {
     } else {
         None
     }
-}
-
-fn add_tile(
-    canvas: &mut Canvas<'_>,
-    tile: &Tile<TERMS>,
-    error: f64,
-    shade: &impl Shade,
-    regions: &[Region],
-) {
-    let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
-    let integrals = tile.cell_integrals(&columns, &rows);
-    let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
-    for region in regions {
-        let Some(shared) = region.outline.bounds().intersection(&tile.rectangle) else {
-            continue;
-        };
-        for (column, row) in shared.pixels() {
-            let Some(cell) = Rectangle::pixel(column, row).intersection(&tile.rectangle) else {
-                continue;
-            };
-            let (value, area) = if region.outline.contains(&cell) {
-                let at = [column - first_column, row - first_row].map(|index| index as usize);
-                (integrals.at(at[0], at[1]), cell.area())
-            } else {
-                tile.integral_over(&region.outline.clipped(&cell))
-            };
-            let error = error * area + shade.function_error(&cell).over(area, value);
-            add_region(canvas, &cell, region, value, error);
-        }
-    }
-}
-
-fn add_region(
-    canvas: &mut Canvas<'_>,
-    cell: &Rectangle,
-    region: &Region,
-    value: [f64; 3],
-    error: f64,
-) {
-    let index = (cell.low[0] as u32, cell.low[1] as u32);
-    let gain = region.factor.into_iter().fold(0.0, f64::max);
-    let scaled = std::array::from_fn(|channel| region.factor[channel] * value[channel]);
-    canvas.add(index, scaled, gain * error);
 }

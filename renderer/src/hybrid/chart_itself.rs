@@ -7,7 +7,8 @@ use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::demand::{Demand, FunctionError};
-use crate::film::tiling::{Region, Shade, integrate};
+use crate::film::region::Region;
+use crate::film::tiling::{Shade, integrate};
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 

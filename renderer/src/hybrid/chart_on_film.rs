@@ -1,6 +1,6 @@
 //! The colour chart's plane and its patches on the film.
 
-use crate::film::tiling::Region;
+use crate::film::region::Region;
 use crate::numerics::polygon::Polygon;
 use crate::scene::{Chart, ChartPlane, PinholeCamera};
 use crate::vector::Vec3;

@@ -3,7 +3,8 @@
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
 use crate::film::demand::Demand;
-use crate::film::tiling::{Region, Shade, integrate};
+use crate::film::region::Region;
+use crate::film::tiling::{Shade, integrate};
 use crate::film::{FilmPixel, target};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;

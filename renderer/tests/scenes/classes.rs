@@ -220,6 +220,42 @@ fn class_e_narrow_lobes_light_the_chart() {
     });
 }
 
+/// Near the chart a rule misses most at the sample's edge, not in the middle of a tile.
+#[test]
+fn class_f_rules_are_looked_at_on_the_edge() {
+    let text = "
+        [image]
+        width = 24
+        height = 24
+        pixel = 'float'
+        [light]
+        distance_m = 0.20356326606513153
+        [checker]
+        columns = 8
+        rows = 3
+        patches_srgb8 = PATCHES
+        [[views]]
+        camera_elevation_deg = 45
+        light_elevation_deg = 45
+        rotation_deg = 108
+        checker = true
+    "
+    .replace("PATCHES", &format!("{:?}", [[255; 3]; 24]));
+    let material = Material {
+        roughness: 7.137372941667519,
+        anisotropy: 0.8363177620097555,
+        rgb0: [0.0; 3],
+        ..white(0.0, 0.0, 10.0)
+    };
+    let case = Case::of_toml(&text, 0, material);
+    hold(&case, EFFORT, |random, specification, material| {
+        specification.light.distance_m = random.uniform(0.2, 0.4);
+        specification.views[0].rotation_deg = random.uniform(90.0, 120.0);
+        material.roughness = random.uniform(5.0, 9.0);
+        material.anisotropy = random.uniform(0.7, 0.95);
+    });
+}
+
 /// Evaluations of a rendering in a thread of its own, which is left behind where it takes too long.
 fn evaluations(case: Case) -> Option<u64> {
     let (sender, receiver) = mpsc::channel();
