@@ -67,6 +67,11 @@ pub trait Shade: Sync {
         3
     }
 
+    /// Whether rules may miss far more at a tile's corners than within.
+    fn is_uneven(&self) -> bool {
+        false
+    }
+
     /// What the function may be off by on a part of a pixel that no rule shows.
     fn function_error(&self, _cell: &Rectangle) -> FunctionError {
         FunctionError::default()
@@ -394,16 +399,7 @@ impl<S: Shade> Tiling<'_, S> {
             *value = function.at(at, tolerance);
             apart = apart.max(largest_difference(*value, tile.value(at)));
         }
-        let corners = tile.rectangle.corners();
-        let mut at_corners = [[0.0; 3]; 4];
-        for (at, value) in corners.into_iter().zip(&mut at_corners) {
-            if !is_met(kept * apart) {
-                return None;
-            }
-            *value = function.at(at, tolerance);
-            apart = apart.max(largest_difference(*value, tile.value(at)));
-        }
-        for at in sides {
+        for at in tile.rectangle.corners().into_iter().chain(sides) {
             if !is_met(kept * apart) {
                 return None;
             }
@@ -414,11 +410,10 @@ impl<S: Shade> Tiling<'_, S> {
         if !is_met(mean) {
             return None;
         }
-        // A rule may miss most where the function is nearest to what it shows: at a corner.
         let mut missed = self.missed_at(&between, &values, tolerance, function);
         if is_met(rule.times * missed) {
-            let at_most = self.missed_at_corners(&tile.rectangle, &at_corners, tolerance, function);
-            missed = missed.max(at_most);
+            let at_corners = self.missed_at_corners(&tile.rectangle, tolerance, function);
+            missed = missed.max(at_corners);
         }
         let missed = rule.times * missed;
         mean = mean.max(missed);
@@ -428,16 +423,15 @@ impl<S: Shade> Tiling<'_, S> {
         })
     }
 
-    /// What a rule misses at the corners of what the outline has of a tile. `values` are those at the tile's own.
+    /// What a rule misses, if it is uneven, at the corners of what the outline has of a tile.
     fn missed_at_corners(
         &self,
         rectangle: &Rectangle,
-        values: &[[f64; 3]; 4],
         tolerance: Tolerance,
         function: &mut Counted<'_, S>,
     ) -> f64 {
-        if self.outline.contains(rectangle) {
-            return self.missed_at(&rectangle.corners(), values, tolerance, function);
+        if !self.shade.is_uneven() {
+            return 0.0;
         }
         let covered = self.outline.clipped(rectangle);
         let missed = covered.corners().iter().map(|&at| {
