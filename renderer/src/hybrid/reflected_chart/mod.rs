@@ -239,9 +239,12 @@ impl Shade for ChartOffGlossyLobe<'_> {
     }
 
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
-    /// sample's edge than in the middle of a tile.
+    /// sample's edge than in the middle of a tile. Before charts of many patches each point is too dear to look.
     fn is_uneven(&self) -> bool {
+        let plane = self.wide.chart.whole_plane();
+        let patches = plane.columns as usize * plane.rows as usize;
         self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
+            && patches <= glossy_budget::WIDE_RULE_PATCHES_MAX
     }
 
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
