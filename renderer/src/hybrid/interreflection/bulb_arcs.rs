@@ -417,7 +417,7 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(48))]
 
-        /// Lines that end anywhere amid what mirrors the bulb, and bulbs of all sizes.
+        /// Lines that end anywhere amid what mirrors the bulb, and bulbs of all sizes that are cut into arcs.
         #[test]
         fn arcs_send_what_many_points_of_the_bulb_send(
             position in (-0.1..0.1f64, 0.05..0.2f64, 0.01..0.15f64),
@@ -454,7 +454,8 @@ mod tests {
             let found = by_arcs(line, transport, 1e-8);
             let expected = by_points(line, transport);
             let off = (found - expected).abs() / scale;
-            // The model bends where both cosines are equal, and arcs have few points.
+            // Points across a wide lobe step over a line's end beside the outline, and the model bends where
+            // both cosines are equal.
             prop_assert!(off < 1e-2, "{found} {expected} of {scale}");
         }
     }

@@ -239,7 +239,7 @@ impl Shade for ChartOffGlossyLobe<'_> {
     }
 
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
-    /// sample's edge than in the middle of a tile. Before charts of many patches each point is too dear to look.
+    /// sample's edge than in the middle of a tile. A chart of many patches makes each point too dear for it.
     fn is_uneven(&self) -> bool {
         let plane = self.wide.chart.whole_plane();
         let patches = plane.columns as usize * plane.rows as usize;
