@@ -259,15 +259,16 @@ pub mod direct {
     /// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile, 1.2 pixels.
     pub const SHARP_TILE_MIN: f64 = 6.0;
 
+    /// A lobe's widths about the bulb's mirror image within which there is light: six widths off its edge the
+    /// lobe has fallen to 1.5e-8.
+    pub const IMAGE_WIDTHS: f64 = 6.0;
+
     /// The most pixels of that finer film: 2^20. Chosen.
     pub const FINER_PIXELS_MAX: f64 = 1_048_576.0;
 
     /// A bulb of at most this half width in the slope plane may be small enough for the seven points of
     /// Radon's rule. Chosen.
     pub const SMALL_BULB: f64 = 0.1;
-
-    /// The tolerance below which it matters where on the bulb the integrand bends. Chosen.
-    pub const BENDS_SHOW: f64 = 1e-7;
 
     /// The search for the ends of what counts stops at this part of a lobe's width. Chosen.
     pub const SEARCH_WIDTH: f64 = 0.25;

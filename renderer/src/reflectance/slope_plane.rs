@@ -31,12 +31,6 @@ impl<'a> Slopes<'a> {
         let swapped = Vec3::new(self.wo.y, self.wo.x, self.wo.z);
         crossings(&swapped, q, cos_i)
     }
-
-    /// Whether the light's cosine at (p, q) is above `cos_i`.
-    pub fn is_above(&self, p: f64, q: f64, cos_i: f64) -> bool {
-        let wo = self.wo;
-        2.0 * (p * wo.x + q * wo.y + wo.z) > (cos_i + wo.z) * (1.0 + p * p + q * q)
-    }
 }
 
 /// The q on the line p at which the light's cosine is `cos_i` for a viewer `wo`, a circle of the plane; both
@@ -69,10 +63,8 @@ mod tests {
             for q in crossings(&slopes.wo, 0.1, cos_i) {
                 assert!(q.is_finite());
                 assert!((slopes.light(0.1, q).z - cos_i).abs() < 1e-14);
-                assert_ne!(
-                    slopes.is_above(0.1, q - 1e-6, cos_i),
-                    slopes.is_above(0.1, q + 1e-6, cos_i)
-                );
+                let [before, after] = [-1e-6, 1e-6].map(|step| slopes.light(0.1, q + step).z);
+                assert_ne!(before > cos_i, after > cos_i);
             }
         }
         assert_eq!(crossings(&slopes.wo, 5.0, 0.99), [f64::INFINITY; 2]);

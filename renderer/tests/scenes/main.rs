@@ -88,7 +88,7 @@ fn a_short_search_finds_nothing() {
 }
 
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
-const ONCE_FAILED: [(u64, u64); 19] = [
+const ONCE_FAILED: [(u64, u64); 25] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
     (1_795_348_325, 34),
     (20_261_122, 558),
@@ -122,6 +122,16 @@ const ONCE_FAILED: [(u64, u64); 19] = [
     (20_261_302, 976),
     // Paths that met the bulb's mirror image, but not the lobe's blur about it.
     (20_261_301, 175),
+    // A circle on which the integrand bends, through a large bulb but past the corners of a box around it.
+    (20_261_126, 869),
+    (20_261_126, 416),
+    (20_261_126, 2528),
+    // The tip of the bulb's image, over the side of a tile by a hundredth of a pixel.
+    (20_261_126, 1882),
+    // An edge through the middle of a tile that was given up: its even coefficients vanish.
+    (20_261_126, 1045),
+    // The finest rule, when it was still off by more than it may.
+    (20_261_126, 1835),
 ];
 
 #[test]

@@ -12,10 +12,9 @@
 //! vectors that see the bulb, is an ellipse. The narrow axis of the lobe is integrated outside;
 //! the other order loses digits.
 
+use super::breaks::Breaks;
 use super::chords::{Angles, Chords, Depth, Disc, LEVELS, MORE_POINTS, Pieces, cut, part};
-use crate::hybrid::budget::direct::{
-    BENDS_SHOW, BULK_WIDTHS, SEARCH_WIDTH, SMALL_BULB, STEEP_WIDTHS,
-};
+use crate::hybrid::budget::direct::{SEARCH_WIDTH, SMALL_BULB};
 use crate::numerics::batch::{Batch, FOUR, LANES, total};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
@@ -41,6 +40,16 @@ impl BulbView {
     pub fn slopes(&self) -> [[f64; 2]; 2] {
         let disc = Ellipse::new(self).disc();
         [[disc.p, disc.q], [disc.radius, disc.height()]]
+    }
+
+    /// The least and the largest cosine of the light's direction on the bulb.
+    pub fn cosines(&self) -> [f64; 2] {
+        let Vec3 { x, y, z } = self.centre;
+        let (sin, cos) = (self.sin2.sqrt(), (1.0 - self.sin2).sqrt());
+        let (along, across) = (z * cos, (x * x + y * y).sqrt() * sin);
+        // Where the bulb stands overhead the largest lies within it.
+        let largest = if z >= cos { 1.0 } else { along + across };
+        [along - across, largest]
     }
 }
 
@@ -209,6 +218,7 @@ pub fn specular(
     let mut cubature = Cubature {
         slopes,
         levels: [view.wo.z, first, second],
+        view,
         tolerance,
         instructions,
         batch,
@@ -236,6 +246,7 @@ struct Cubature<'a> {
     slopes: Slopes<'a>,
     /// Cosines of the light's direction at which the integrand bends.
     levels: [f64; LEVELS],
+    view: &'a BulbView,
     tolerance: Tolerance,
     instructions: Instructions,
     batch: &'a mut SlopeBatch,
@@ -258,13 +269,11 @@ impl Cubature<'_> {
         let change = radius * steep_p + height * steep_q;
         let change2 = change * change;
         let missed = DISC_ERROR * change2 * change2 * change2;
-        let bends = self.levels.iter().any(|&level| {
-            let above = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)].map(|(x, y)| {
-                let (p, q) = (disc.p + x * radius, disc.q + y * height);
-                self.slopes.is_above(p, q, level)
-            });
-            above.contains(&true) && above.contains(&false)
-        });
+        let [least, largest] = self.view.cosines();
+        let bends = self
+            .levels
+            .iter()
+            .any(|&level| least < level && level < largest);
         if radius.max(height) < SMALL_BULB && missed < self.tolerance.error() && !bends {
             self.add_disc(disc);
             return;
@@ -365,39 +374,25 @@ impl Cubature<'_> {
 
     /// All chords between two angles, in intervals on which their integrals are smooth.
     fn add_chords(&mut self, disc: &Disc, [low, high]: [f64; 2], depth: Depth, bends: bool) {
-        let mut breaks = [high; 4 * LEVELS + 2];
-        breaks[0] = low;
+        let mut from = low;
         if bends {
-            self.find_breaks(disc, [low, high], &mut breaks[1..=4 * LEVELS]);
-            breaks.sort_unstable_by(f64::total_cmp);
-        }
-        for pair in breaks.windows(2) {
-            if pair[0] < pair[1] {
-                self.add_chords_between(disc, [pair[0], pair[1]], depth, bends);
-            }
-        }
-    }
-
-    /// Where a circle on which the integrand bends runs nearly along the chords, it enters and
-    /// leaves them within a width of the lobe: the chords' integrals bend there, too.
-    fn find_breaks(&self, disc: &Disc, [low, high]: [f64; 2], breaks: &mut [f64]) {
-        let lobe = self.slopes.lobe;
-        let (bottom, top) = (disc.q - disc.height(), disc.q + disc.height());
-        let near = 0f64.clamp(bottom, top);
-        let bulk = BULK_WIDTHS / lobe.n_v.sqrt();
-        let [bottom, top] = [(near - bulk).max(bottom), (near + bulk).min(top)];
-        for (level, breaks) in self.levels.iter().zip(breaks.chunks_exact_mut(4)) {
-            let ends = [bottom, top].map(|q| self.slopes.crossings_along(q, *level));
-            for (branch, breaks) in breaks.chunks_exact_mut(2).enumerate() {
-                let [from, to] = ends.map(|end| end[branch]);
-                let across = (from - to).abs() * lobe.n_u.sqrt();
-                if across < STEEP_WIDTHS {
-                    for (angle, p) in breaks.iter_mut().zip([from, to]) {
-                        let sine = ((p - disc.p) / disc.radius).clamp(-1.0, 1.0);
-                        *angle = libm::asin(sine).clamp(low, high);
-                    }
+            let breaks = Breaks::new(
+                self.view,
+                &self.slopes,
+                disc,
+                &self.levels,
+                [low, high],
+                depth,
+            );
+            for &angle in breaks.angles() {
+                if from < angle {
+                    self.add_chords_between(disc, [from, angle], depth, bends);
+                    from = angle;
                 }
             }
+        }
+        if from < high {
+            self.add_chords_between(disc, [from, high], depth, bends);
         }
     }
 
@@ -417,16 +412,10 @@ impl Cubature<'_> {
             exponents[0].min(exponents[1])
         };
         let falls = exponents.map(|exponent| (exponent - least).max(0.0));
-        let closing = [low, high].map(|end| if end.abs() >= FRAC_PI_2 { 0.5 } else { 0.0 });
-        let more = MORE_POINTS + (closing[0] + closing[1]) * self.tolerance.more_on_disc();
+        // The chords' lengths change like the cosine of the angle.
+        let more = MORE_POINTS + (high - low) / PI * self.tolerance.more_on_disc();
         let tolerance = self.tolerance.after_fall(least - depth.least);
         let points = tolerance.points_for_fall(falls, more);
-        // What bends are left show in the last digits: more points make up for it.
-        let points = if bends && self.tolerance.error() < BENDS_SHOW {
-            3 * points
-        } else {
-            points
-        };
         let rule = GaussRule::of(points);
         let mut nodes = rule.on(low, high);
         for first in (0..rule.size()).step_by(LANES) {

@@ -1,12 +1,15 @@
 //! The bulb's light off the sample.
 
+mod breaks;
 mod bulb;
 mod bulb_light;
 mod bulb_on_film;
 mod chords;
+#[cfg(test)]
+mod tests;
 
 use super::budget::direct::{
-    FINER_PIXELS_MAX, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
+    FINER_PIXELS_MAX, IMAGE_WIDTHS, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
 };
 use super::budget::{LOG_TILING, TILING, tile_pixels};
 use super::view::View;
@@ -16,7 +19,10 @@ use crate::film::demand::Demand;
 use crate::film::log_tiling;
 use crate::film::region::Region;
 use crate::film::tiling;
+use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
+use crate::scene::Bulb;
+use crate::vector::Vec3;
 pub use bulb::SlopeBatch;
 pub use bulb_light::BulbLight;
 use bulb_on_film::BulbOffSample;
@@ -54,7 +60,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         },
         faint: view.budget.chart.absolute,
         side_max: feature,
-        feature: None,
+        feature: mirror_image(view, reflectance),
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
         shares: TILING,
@@ -64,6 +70,23 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         factor: [1.0; 3],
     }];
     tiling::integrate(canvas, &view.sample, &regions, &demand, &shade)
+}
+
+/// The box on the film around the bulb's mirror image in the sample and what the lobe makes of its edge; `None`
+/// where it reaches behind the camera.
+///
+/// The tip of a sharp image could reach into a tile between two of its nodes and cover next to nothing of it. No
+/// tile lies across the sides of this box, so a tile with a tip on it has at least the tip's depth of the image.
+fn mirror_image(view: &View, reflectance: &Reflectance) -> Option<Rectangle> {
+    let Bulb { centre, radius, .. } = view.bulb;
+    let mirrored = Vec3::new(centre.x, centre.y, -centre.z);
+    let [low, high] = view.camera.sphere_box(mirrored, radius)?;
+    let reach = IMAGE_WIDTHS / reflectance.lobe.n_v.sqrt();
+    let reach = view.slope_pixels(reach, centre.length());
+    Some(Rectangle {
+        low: low.map(|low| low - reach),
+        high: high.map(|high| high + reach),
+    })
 }
 
 /// A view whose film has `times` as many pixels along either side.
