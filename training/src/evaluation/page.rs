@@ -189,7 +189,7 @@ fn pairs(groups: &[Group]) -> Markup {
                 @for column in groups { td {
                     @if row.name != column.name {
                         @let ratio = row.ratio_to(column);
-                        (format!("{:.2} ({:.2} to {:.2})", ratio.value, ratio.low, ratio.high))
+                        (times(ratio.value)) " (" (times(ratio.low)) " to " (times(ratio.high)) ")"
                     }
                 } }
             } } }
@@ -221,9 +221,18 @@ fn against_bounds(summaries: &[Summary]) -> Markup {
             } }
             tbody { @for summary in summaries { tr {
                 td { (summary.name) }
-                @for ratio in summary.over_bounds.iter().flatten() { td { (format!("{ratio:.2}")) } }
+                @for ratio in summary.over_bounds.iter().flatten() { td { (times(*ratio)) } }
             } } }
         }
+    }
+}
+
+/// A ratio: with two decimals where these tell what it is and no digits more than they do.
+fn times(ratio: f64) -> String {
+    if (0.1..1e3).contains(&ratio) {
+        format!("{ratio:.2}")
+    } else {
+        scientific(ratio)
     }
 }
 
