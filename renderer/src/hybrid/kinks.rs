@@ -17,17 +17,26 @@ const SIDE: u32 = 48;
 /// More evaluations than any of these takes.
 const NO_LIMIT: u64 = 1 << 40;
 
+/// For a number from 0 to 1 a direction on the film; in half of the cases along one of its axes.
+fn direction(uniform: f64) -> [f64; 2] {
+    let turn = 8.0 * uniform;
+    let angle = if turn < 4.0 { turn.floor() } else { turn } * std::f64::consts::FRAC_PI_2;
+    [libm::cos(angle), libm::sin(angle)]
+}
+
+/// A function whose integral over a polygon is a closed form.
+trait Exact: Shade {
+    fn integral(&self, part: &Polygon) -> f64;
+}
+
 /// 1 plus ramps that begin at straight lines.
 struct Ramps(Vec<[f64; 3]>);
 
 impl Ramps {
-    /// In half of the cases parallel to one of the film's axes.
     fn drawn(random: &mut ChaCha8Rng) -> Self {
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
         let ramp = |_| {
-            let turn = 8.0 * uniform();
-            let angle = if turn < 4.0 { turn.floor() } else { turn } * std::f64::consts::FRAC_PI_2;
-            let normal = [libm::cos(angle), libm::sin(angle)];
+            let normal = direction(uniform());
             let steep = 0.03 * uniform();
             let offset = normal[0] * uniform() + normal[1] * uniform();
             [
@@ -42,8 +51,9 @@ impl Ramps {
     fn height([a, b, c]: [f64; 3], [x, y]: [f64; 2]) -> f64 {
         a * x + b * y + c
     }
+}
 
-    /// The exact integral over a polygon.
+impl Exact for Ramps {
     fn integral(&self, part: &Polygon) -> f64 {
         let mut sum = part.area();
         for &ramp in &self.0 {
@@ -70,12 +80,9 @@ struct Step {
 }
 
 impl Step {
-    /// In half of the cases parallel to one of the film's axes.
     fn drawn(random: &mut ChaCha8Rng) -> Self {
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
-        let turn = 8.0 * uniform();
-        let angle = if turn < 4.0 { turn.floor() } else { turn } * std::f64::consts::FRAC_PI_2;
-        let normal = [libm::cos(angle), libm::sin(angle)];
+        let normal = direction(uniform());
         let [x, y] = [uniform(), uniform()];
         let line = [normal[0], normal[1], -normal[0] * x - normal[1] * y];
         Self {
@@ -83,7 +90,9 @@ impl Step {
             height: 0.1 * libm::exp10(-3.0 * uniform()),
         }
     }
+}
 
+impl Exact for Step {
     fn integral(&self, part: &Polygon) -> f64 {
         part.area() + self.height * part.cut(|at| Ramps::height(self.line, at)).area()
     }
@@ -98,22 +107,36 @@ impl Shade for Step {
     }
 }
 
-/// Edges through squares of so many pixels a side, after so many evaluations of which nothing is refined: the largest
-/// error over what it may be, how many pixels are off by more, and of how many.
-fn edges(side: u32, evaluations_max: u64) -> (f64, usize, usize) {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
-    let accuracy = Accuracy {
-        absolute: 1e-4,
-        relative: 1e-3,
-    };
-    let budget = Budget::new(&accuracy);
-    let length = f64::from(side);
-    let outline =
-        Polygon::quadrilateral([[0.0, 0.0], [length, 0.0], [length, length], [0.0, length]]);
-    let (mut beyond, mut worst, mut all) = (0, 0.0f64, 0);
-    for _ in 0..20_000 / side {
-        let mut step = Step::drawn(&mut random);
-        step.line[2] *= length;
+const ACCURACY: Accuracy = Accuracy {
+    absolute: 1e-4,
+    relative: 1e-3,
+};
+
+/// A square film, and how a function on it is tiled.
+struct Film {
+    side: u32,
+    outline: Polygon,
+    side_max: f64,
+    /// Nothing is refined after so many.
+    evaluations_max: u64,
+}
+
+/// What pixels were off by.
+#[derive(Default)]
+struct Tally {
+    /// Those on which there is something of the outline.
+    lit: usize,
+    /// How many are off by more than they state.
+    beyond_stated: usize,
+    /// How many are off by more than they state and the tolerance.
+    beyond: usize,
+    /// The largest error over what is stated or the tolerance.
+    worst: f64,
+}
+
+impl Tally {
+    fn add(&mut self, film: &Film, function: &impl Exact) {
+        let Film { side, outline, .. } = *film;
         let mut pixels = vec![FilmPixel::default(); (side * side) as usize];
         let mut canvas = Canvas {
             width: side,
@@ -125,26 +148,50 @@ fn edges(side: u32, evaluations_max: u64) -> (f64, usize, usize) {
             factor: [1.0; 3],
         };
         let demand = Demand {
-            accuracy: &budget.chart,
+            accuracy: &Budget::new(&ACCURACY).chart,
             faint: 0.0,
-            side_max: length,
+            side_max: film.side_max,
             feature: None,
-            evaluations_max,
+            evaluations_max: film.evaluations_max,
             tolerance: Tolerance::new(1e-5),
             shares: TILING,
         };
-        integrate(&mut canvas, &outline, &[region], &demand, &step);
+        integrate(&mut canvas, &outline, &[region], &demand, function);
         for (column, row) in outline.bounds().pixels() {
             let pixel = &pixels[(row * side + column) as usize];
             let part = outline.clipped(&Rectangle::pixel(column, row));
-            let off = (pixel.value[0] - step.integral(&part)).abs();
-            let allowed = target(&accuracy, pixel.value).max(pixel.error);
-            all += 1;
-            beyond += usize::from(off > allowed);
-            worst = worst.max(off / allowed);
+            let off = (pixel.value[0] - function.integral(&part)).abs();
+            let allowed = target(&ACCURACY, pixel.value).max(pixel.error);
+            self.lit += usize::from(!part.is_empty());
+            self.beyond_stated += usize::from(off > pixel.error.max(1e-12));
+            self.beyond += usize::from(off > allowed);
+            self.worst = self.worst.max(off / allowed);
         }
     }
-    (worst, beyond, all)
+}
+
+/// Edges through squares of so many pixels a side, in tiles as large as they are.
+fn edges(side: u32, evaluations_max: u64) -> Tally {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
+    let length = f64::from(side);
+    let film = Film {
+        side,
+        outline: Polygon::quadrilateral([
+            [0.0, 0.0],
+            [length, 0.0],
+            [length, length],
+            [0.0, length],
+        ]),
+        side_max: length,
+        evaluations_max,
+    };
+    let mut tally = Tally::default();
+    for _ in 0..20_000 / side {
+        let mut step = Step::drawn(&mut random);
+        step.line[2] *= length;
+        tally.add(&film, &step);
+    }
+    tally
 }
 
 /// Where an edge runs along a tile's side through its middle, the coefficients of even polynomials vanish, and the
@@ -152,7 +199,7 @@ fn edges(side: u32, evaluations_max: u64) -> (f64, usize, usize) {
 #[test]
 fn an_edge_through_a_pixel_is_stated() {
     for evaluations_max in [0, NO_LIMIT] {
-        let (worst, beyond, _) = edges(1, evaluations_max);
+        let Tally { worst, beyond, .. } = edges(1, evaluations_max);
         assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
     }
 }
@@ -162,8 +209,10 @@ fn an_edge_through_a_pixel_is_stated() {
 #[test]
 fn an_edge_through_several_pixels_is_stated_but_for_few() {
     for side in [2, 3, 4, 8] {
-        let (worst, beyond, all) = edges(side, NO_LIMIT);
-        assert!(beyond * 700 < all, "{side}: {beyond} of {all}");
+        let Tally {
+            worst, beyond, lit, ..
+        } = edges(side, NO_LIMIT);
+        assert!(beyond * 700 < lit, "{side}: {beyond} of {lit}");
         assert!(worst < 1.8, "{side}: {worst}");
     }
 }
@@ -174,52 +223,28 @@ fn an_edge_through_several_pixels_is_stated_but_for_few() {
 #[test]
 fn kinks_are_off_by_no_more_than_stated() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_123);
-    let accuracy = Accuracy {
-        absolute: 1e-4,
-        relative: 1e-3,
-    };
-    let budget = Budget::new(&accuracy);
     let side = f64::from(SIDE);
-    let outline = Polygon::quadrilateral([
-        [2.3, 1.6],
-        [side - 3.0, 4.0],
-        [side - 1.2, side - 2.0],
-        [0.7, side - 5.0],
-    ]);
-    let (mut lit, mut beyond_stated, mut beyond, mut worst) = (0, 0, 0, 0.0f64);
+    let film = Film {
+        side: SIDE,
+        outline: Polygon::quadrilateral([
+            [2.3, 1.6],
+            [side - 3.0, 4.0],
+            [side - 1.2, side - 2.0],
+            [0.7, side - 5.0],
+        ]),
+        side_max: 16.0,
+        evaluations_max: NO_LIMIT,
+    };
+    let mut tally = Tally::default();
     for _ in 0..40 {
-        let ramps = Ramps::drawn(&mut random);
-        let mut pixels = vec![FilmPixel::default(); (SIDE * SIDE) as usize];
-        let mut canvas = Canvas {
-            width: SIDE,
-            height: SIDE,
-            pixels: &mut pixels,
-        };
-        let region = Region {
-            outline,
-            factor: [1.0; 3],
-        };
-        let demand = Demand {
-            accuracy: &budget.chart,
-            faint: 0.0,
-            side_max: 16.0,
-            feature: None,
-            evaluations_max: NO_LIMIT,
-            tolerance: Tolerance::new(1e-5),
-            shares: TILING,
-        };
-        integrate(&mut canvas, &outline, &[region], &demand, &ramps);
-        for (column, row) in outline.bounds().pixels() {
-            let pixel = &pixels[(row * SIDE + column) as usize];
-            let part = outline.clipped(&Rectangle::pixel(column, row));
-            let off = (pixel.value[0] - ramps.integral(&part)).abs();
-            let allowed = target(&accuracy, pixel.value).max(pixel.error);
-            lit += usize::from(!part.is_empty());
-            beyond_stated += usize::from(off > pixel.error.max(1e-12));
-            beyond += usize::from(off > allowed);
-            worst = worst.max(off / allowed);
-        }
+        tally.add(&film, &Ramps::drawn(&mut random));
     }
+    let Tally {
+        lit,
+        beyond_stated,
+        beyond,
+        worst,
+    } = tally;
     assert!(lit > 60_000, "{lit}");
     assert!(beyond_stated * 200 < lit, "{beyond_stated} of {lit}");
     assert!(beyond * 5_000 < lit, "{beyond} of {lit}");

@@ -11,7 +11,7 @@ use crate::hybrid::budget::direct::{BULK_WIDTHS, STEEP_WIDTHS};
 use crate::reflectance::slope_plane::Slopes;
 use crate::vector::Vec3;
 
-/// Of one level.
+/// A level's circle touches two chords, leaves the bulb twice, and the lobe's bulk four times.
 const BREAKS_A_LEVEL: usize = 8;
 
 /// The angles of the chords at which their integrals bend. The first `count` are set.
