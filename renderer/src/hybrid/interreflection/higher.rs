@@ -5,7 +5,7 @@
 //! on the chart to order 2, order 1 to order 3, and any order to the second next.
 
 use super::frame::Frame;
-use super::levels::{HIGHER_TERMS, compared, rule_tolerance};
+use super::levels::{TERMS, compared, rule_tolerance};
 use super::sources::{ChartPoint, chart_points};
 use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
 use super::unresolved::{Unresolved, unresolved_error};
@@ -19,7 +19,7 @@ use rayon::prelude::*;
 /// Interreflection of all orders from 2 on.
 pub struct Higher {
     /// For paths of `max_bounces` hits, and of one hit less.
-    pub tiles: [Tile<HIGHER_TERMS>; 2],
+    pub tiles: [Tile<TERMS>; 2],
     /// A bound of what they are off by.
     pub error: f64,
     pub evaluations: u64,
@@ -71,7 +71,7 @@ impl Higher {
             let (solved, spent) = match terms {
                 0 => widened(solve::<4>(frame, level, &order_1)),
                 1 => widened(solve::<6>(frame, level, &order_1)),
-                _ => solve::<HIGHER_TERMS>(frame, level, &order_1),
+                _ => solve::<TERMS>(frame, level, &order_1),
             };
             evaluations += spent;
             let rough = solved.missed > RULE_SHARE * allowed && level < LEVEL_MAX;
@@ -97,9 +97,7 @@ impl Higher {
     }
 }
 
-fn widened<const TERMS: usize>(
-    (solved, spent): (Solved<TERMS>, u64),
-) -> (Solved<HIGHER_TERMS>, u64) {
+fn widened<const FEWER: usize>((solved, spent): (Solved<FEWER>, u64)) -> (Solved<TERMS>, u64) {
     let solved = Solved {
         tiles: solved.tiles.map(|tile| tile.widened()),
         fit_error: solved.fit_error,

@@ -3,9 +3,8 @@
 use crate::hybrid::budget::interreflection::DIGITS;
 use crate::numerics::tolerance::Tolerance;
 
-/// Terms of the series for order 1, and for the higher orders.
-pub const ORDER_1_TERMS: usize = 8;
-pub const HIGHER_TERMS: usize = 8;
+/// Terms of a tile's series along either side.
+pub const TERMS: usize = 8;
 
 /// The tolerance of a level's rules.
 pub fn rule_tolerance(level: usize) -> Tolerance {

@@ -25,6 +25,7 @@ mod ridge;
 mod sample_rule;
 mod sources;
 mod surface;
+mod tiles;
 mod transfer;
 mod unresolved;
 
@@ -39,7 +40,7 @@ use crate::reflectance::Reflectance;
 use bound::{Bounds, form_factor_max};
 use frame::{Frame, tile_position};
 use higher::Higher;
-use levels::{HIGHER_TERMS, ORDER_1_TERMS};
+use levels::TERMS;
 use order_1::Order1;
 pub use unresolved::Unresolved;
 
@@ -48,7 +49,7 @@ pub use unresolved::Unresolved;
 pub struct Interreflection {
     order_1: Order1,
     /// The orders from 2 on that a path of `max_bounces` hits takes, and one of a hit less.
-    higher: Option<[Tile<HIGHER_TERMS>; 2]>,
+    higher: Option<[Tile<TERMS>; 2]>,
     /// A bound of what the sum is off by.
     error: f64,
     /// The least irradiance over pi on the chart by the bulb itself.
@@ -97,8 +98,8 @@ impl Interreflection {
             found.error += bounds.order_1;
         } else {
             let order_1 = order_1::solve(&frame, once * ORDER_1_SHARE)?;
-            order_1_max = order_1.largest + order_1.error();
-            found.error += order_1.error();
+            order_1_max = order_1.largest + order_1.tiles.error();
+            found.error += order_1.tiles.error();
             found.evaluations += order_1.evaluations;
             found.order_1 = order_1;
         }
@@ -150,7 +151,7 @@ impl Interreflection {
     pub(super) fn function_error_on(&self, part: Option<Rectangle>) -> FunctionError {
         let less = part.map_or(0.0, |Rectangle { low, high }| {
             let [low, high] = [low, high].map(|at| tile_position(at, self.gap));
-            self.order_1.error() - self.order_1.error_on(&Rectangle { low, high })
+            self.order_1.tiles.error() - self.order_1.tiles.error_on(&Rectangle { low, high })
         });
         let error = self.error - less;
         FunctionError {
@@ -192,12 +193,7 @@ impl Interreflection {
         let Rectangle { low, high } = self.bounds;
         // Rounding can lead off the chart.
         let at: [f64; 2] = std::array::from_fn(|axis| at[axis].clamp(low[axis], high[axis]));
-        let holds = |tile: &&Tile<ORDER_1_TERMS>| {
-            let Rectangle { low, high } = tile.rectangle;
-            (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
-        };
-        let tile = self.order_1.tiles.iter().find(holds);
-        tile.map_or([0.0; 3], |tile| tile.value(at))
+        self.order_1.tiles.value(at)
     }
 }
 

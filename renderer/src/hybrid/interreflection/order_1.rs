@@ -2,14 +2,15 @@
 
 use super::bulb_arcs::{PlainLineBatch, from_bulb_by_arcs};
 use super::frame::Frame;
-use super::levels::{ORDER_1_TERMS, compared, rule_tolerance};
+use super::levels::{TERMS, compared, rule_tolerance};
 use super::sample_rule::ForBulb;
 use super::sources::disc;
+use super::tiles::{Tiles, columns, halved};
 use super::transfer::{LineBatch, LineSums, from_bulb};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
-    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, NEIGHBOURS_DOUBT, RINGS_MAX, RULE_SHARE,
-    SERIES_FIRST, SLIVER, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
+    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
+    STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -20,42 +21,10 @@ use rayon::prelude::*;
 /// Order 1 on all of the chart.
 #[derive(Debug, Default)]
 pub struct Order1 {
-    pub tiles: Vec<Tile<ORDER_1_TERMS>>,
-    /// What each is off by, but for `everywhere`; the largest is a bound for all.
-    pub errors: Vec<f64>,
-    /// A bound of what any is off by besides.
-    pub everywhere: f64,
+    pub tiles: Tiles,
     /// The largest value at a node.
     pub largest: f64,
     pub evaluations: u64,
-}
-
-impl Order1 {
-    /// What the tiles are off by on a part of the chart.
-    ///
-    /// A rule is compared with a finer one at a few nodes of a tile. Where that shows little although the edge
-    /// of the lobe runs through the tile, it shows in a smaller tile beside it. So a tile's error counts as far
-    /// beyond it as the tile is long.
-    pub fn error_on(&self, part: &Rectangle) -> f64 {
-        let counts = |tile: &Tile<ORDER_1_TERMS>| {
-            let Rectangle { low, high } = tile.rectangle;
-            (0..2).all(|axis| {
-                let side = high[axis] - low[axis];
-                low[axis] - side <= part.high[axis] && part.low[axis] <= high[axis] + side
-            })
-        };
-        let all = self.tiles.iter().zip(&self.errors);
-        let counting = all
-            .filter(|(tile, _)| counts(tile))
-            .map(|(_, error)| *error);
-        let error = self.everywhere + NEIGHBOURS_DOUBT * counting.fold(0.0, f64::max);
-        error.min(self.error())
-    }
-
-    /// A bound of what all tiles are off by.
-    pub fn error(&self) -> f64 {
-        self.everywhere + self.errors.iter().copied().fold(0.0, f64::max)
-    }
 }
 
 /// Buffers of a thread.
@@ -87,7 +56,7 @@ struct Open {
 }
 
 /// A tile worked out at a level.
-struct Fitted<const TERMS: usize> {
+struct Fitted {
     tile: Tile<TERMS>,
     fit: Fit,
     level: usize,
@@ -100,33 +69,29 @@ struct Fitted<const TERMS: usize> {
 
 /// Works out order 1 in tiles as small as this share of the tolerance asks for.
 pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
-    adaptive::<ORDER_1_TERMS>(frame, share)
-}
-
-fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
     let basis = Basis::<TERMS>::new();
     let (rings, rings_missed) = rings(frame, share * frame.tolerance(&frame.bounds()));
     let disc = disc(rings);
     let mut order_1 = Order1 {
-        tiles: Vec::new(),
-        errors: Vec::new(),
-        everywhere: rings_missed,
+        tiles: Tiles::default(),
         largest: 0.0,
         evaluations: 0,
     };
-    let mut open = first_tiles(frame);
+    order_1.tiles.everywhere = rings_missed;
+    let first = |rectangle| Open {
+        rectangle,
+        depth: 0,
+        level: 0,
+        before: f64::INFINITY,
+    };
+    let mut open: Vec<Open> = columns(frame).into_iter().map(first).collect();
     let mut resolved = true;
     let mut missed = 0.0f64;
     while !open.is_empty() {
         let left = EVALUATIONS_MAX.saturating_sub(order_1.evaluations) / open.len() as u64;
         let fitted: Vec<_> = open
             .par_iter()
-            .map(|open| {
-                (
-                    *open,
-                    fit::<TERMS>(frame, &basis, *open, (share, left), &disc),
-                )
-            })
+            .map(|open| (*open, fit(frame, &basis, *open, (share, left), &disc)))
             .collect();
         open.clear();
         for (from, fitted) in fitted {
@@ -138,16 +103,16 @@ fn adaptive<const TERMS: usize>(frame: &Frame<'_>, share: f64) -> Result<Order1,
                 open.extend(halves(from, &fitted));
                 continue;
             }
-            order_1.errors.push(fitted.fit.error + fitted.missed);
             order_1.largest = order_1.largest.max(fitted.largest);
             missed = missed.max(fitted.missed);
             resolved &= fitted.resolved;
-            order_1.tiles.push(fitted.tile.widened());
+            let error = fitted.fit.error + fitted.missed;
+            order_1.tiles.push(fitted.tile, error);
         }
     }
     let allowed = share * frame.tolerance(&frame.bounds());
     if !resolved || missed > (UNRESOLVED_SHARE * order_1.largest).max(allowed) {
-        order_1.everywhere += unresolved_error(order_1.largest, missed)?;
+        order_1.tiles.everywhere += unresolved_error(order_1.largest, missed)?;
     }
     Ok(order_1)
 }
@@ -171,52 +136,25 @@ fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
     (RINGS_MAX, f64::INFINITY)
 }
 
-/// The chart in columns parted where the sample's sides point at it: there order 1 falls steeply,
-/// and the nodes of a tile are dense at its ends.
-fn first_tiles(frame: &Frame<'_>) -> Vec<Open> {
-    let Rectangle { low, high } = frame.bounds();
-    let half = frame.view.sample_half;
-    let side = |x: f64| (x - frame.chart.plane.corner.x).clamp(low[0], high[0]);
-    let ends = [low[0], side(-half), side(half), high[0]];
-    ends.windows(2)
-        .filter(|pair| pair[1] - pair[0] > SLIVER * (high[0] - low[0]))
-        .map(|pair| Open {
-            rectangle: Rectangle {
-                low: [pair[0], low[1]],
-                high: [pair[1], high[1]],
-            },
-            depth: 0,
-            level: 0,
-            before: f64::INFINITY,
-        })
-        .collect()
-}
-
-/// Both halves of a tile across the axis along which its series ends worst.
-fn halves<const TERMS: usize>(from: Open, fitted: &Fitted<TERMS>) -> [Open; 2] {
-    let steep = usize::from(fitted.fit.tails[1] > fitted.fit.tails[0]);
-    let Rectangle { low, high } = from.rectangle;
-    let middle = 0.5 * (low[steep] + high[steep]);
-    let mut halves = [Open {
+/// Both halves of a tile, as they are to be worked out.
+fn halves(from: Open, fitted: &Fitted) -> [Open; 2] {
+    halved(&from.rectangle, fitted.fit.tails).map(|rectangle| Open {
+        rectangle,
         depth: from.depth + 1,
         level: fitted.level,
         before: fitted.fit.error,
-        ..from
-    }; 2];
-    halves[0].rectangle.high[steep] = middle;
-    halves[1].rectangle.low[steep] = middle;
-    halves
+    })
 }
 
 /// A tile with rules as fine as a share of the tolerance asks for and a number of evaluations
 /// allows.
-fn fit<const TERMS: usize>(
+fn fit(
     frame: &Frame<'_>,
     basis: &Basis<TERMS>,
     open: Open,
     (share, evaluations_max): (f64, u64),
     disc: &[[f64; 3]],
-) -> Fitted<TERMS> {
+) -> Fitted {
     let allowed = share * frame.tolerance(&open.rectangle);
     let nodes: Vec<[f64; 2]> = basis.nodes(&open.rectangle).collect();
     let indices = compared(TERMS);
@@ -372,14 +310,10 @@ mod tests {
             let disc = disc(RINGS_MAX);
             let (mut better, mut off_by_more) = (0, 0);
             for at in points(&frame.bounds()) {
-                let tile = order_1.tiles.iter().find(|tile| {
-                    let Rectangle { low, high } = tile.rectangle;
-                    (0..2).all(|axis| at[axis] >= low[axis] && at[axis] <= high[axis])
-                });
                 let exact = value(frame, at, &disc, LEVEL_MAX + 1, &mut Scratch::default());
-                let off = largest_difference(tile.expect("a tile").value(at), exact.light);
-                let stated = order_1.error_on(&Rectangle { low: at, high: at });
-                better += usize::from(stated < 0.5 * order_1.error());
+                let off = largest_difference(order_1.tiles.value(at), exact.light);
+                let stated = order_1.tiles.error_on(&Rectangle { low: at, high: at });
+                better += usize::from(stated < 0.5 * order_1.tiles.error());
                 off_by_more += usize::from(off > stated);
             }
             assert!(better > POINTS / 8, "{name}: {better}");
