@@ -20,6 +20,7 @@ pub mod cache;
 mod frame;
 mod higher;
 mod levels;
+mod matrix;
 mod order_1;
 mod ridge;
 mod sample_rule;
