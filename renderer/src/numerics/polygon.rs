@@ -88,6 +88,11 @@ impl Rectangle {
         self.low[axis].floor() + 1.0 < self.high[axis]
     }
 
+    /// The nearest of its points to a point.
+    pub fn nearest(&self, at: [f64; 2]) -> [f64; 2] {
+        std::array::from_fn(|axis| at[axis].clamp(self.low[axis], self.high[axis]))
+    }
+
     /// The parts below and above a coordinate along an axis; the whole where it is not inside.
     pub fn cut(&self, axis: usize, at: f64) -> Vec<Self> {
         if !(at > self.low[axis] && at < self.high[axis]) {

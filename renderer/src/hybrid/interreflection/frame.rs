@@ -56,6 +56,11 @@ impl<'a> Frame<'a> {
         tile_position(at, self.gap)
     }
 
+    /// The same for a point of the chart: rounding can lead off it.
+    pub fn on_tiles(&self, at: [f64; 2]) -> [f64; 2] {
+        self.bounds().nearest(self.tile_position(at))
+    }
+
     /// The point of the world at a position on the tiles.
     pub fn point(&self, [a, s]: [f64; 2]) -> Vec3 {
         self.chart.plane.point(a, self.gap * libm::expm1(s))

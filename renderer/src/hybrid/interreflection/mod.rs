@@ -35,14 +35,13 @@ use super::chart_on_film::ChartOnFilm;
 use super::view::View;
 use crate::film::demand::FunctionError;
 use crate::numerics::channels::add_scaled;
-use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
 use bound::{Bounds, form_factor_max};
 use frame::{Frame, tile_position};
 use higher::Higher;
-use levels::TERMS;
 use order_1::Order1;
+use tiles::Tiles;
 pub use unresolved::Unresolved;
 
 /// Irradiance over pi on the chart, in units of white, by light that was off the sample before.
@@ -50,7 +49,7 @@ pub use unresolved::Unresolved;
 pub struct Interreflection {
     order_1: Order1,
     /// The orders from 2 on that a path of `max_bounces` hits takes, and one of a hit less.
-    higher: Option<[Tile<TERMS>; 2]>,
+    higher: Option<[Tiles; 2]>,
     /// A bound of what the sum is off by.
     error: f64,
     /// The least irradiance over pi on the chart by the bulb itself.
@@ -112,11 +111,10 @@ impl Interreflection {
             found.error += most;
             return Ok(found);
         }
-        let allowed = once * HIGHER_SHARE * tolerance;
-        let higher = Higher::solve(&frame, allowed, |at| {
-            found.order_1_at(frame.tile_position(at))
+        let higher = Higher::solve(&frame, once * HIGHER_SHARE, |at| {
+            found.order_1.tiles.value(frame.on_tiles(at))
         })?;
-        found.error = (found.error + higher.error) / once;
+        found.error = (found.error + higher.tiles[0].error()) / once;
         found.evaluations += higher.evaluations;
         found.higher = Some(higher.tiles);
         Ok(found)
@@ -147,12 +145,15 @@ impl Interreflection {
 
     /// The same on a part of the chart, from (a, b) at its low corner to the high one; everywhere for `None`.
     ///
-    /// What order 1 is off by stays where it is, but for what comes back in the orders above: of that the bound
+    /// What the tiles are off by stays where it is, but for what comes back in the orders above: of that the bound
     /// is one for all of the chart.
     pub(super) fn function_error_on(&self, part: Option<Rectangle>) -> FunctionError {
         let less = part.map_or(0.0, |Rectangle { low, high }| {
             let [low, high] = [low, high].map(|at| tile_position(at, self.gap));
-            self.order_1.tiles.error() - self.order_1.tiles.error_on(&Rectangle { low, high })
+            let part = Rectangle { low, high };
+            let higher = self.higher.as_ref().map(|[tiles, _]| tiles);
+            let all = [&self.order_1.tiles].into_iter().chain(higher);
+            all.map(|tiles| tiles.error() - tiles.error_on(&part)).sum()
         });
         let error = self.error - less;
         FunctionError {
@@ -177,24 +178,15 @@ impl Interreflection {
     }
 
     fn sum(&self, at: [f64; 2], bounces_max: u32, which: usize) -> [f64; 3] {
-        let at = tile_position(at, self.gap);
+        let at = self.bounds.nearest(tile_position(at, self.gap));
         let mut sum = [0.0; 3];
         if bounces_max > 1 {
-            sum = self.order_1_at(at);
+            sum = self.order_1.tiles.value(at);
         }
         if let Some(higher) = &self.higher {
-            let Rectangle { low, high } = self.bounds;
-            let at = std::array::from_fn(|axis| at[axis].clamp(low[axis], high[axis]));
             add_scaled(&mut sum, higher[which].value(at), 1.0);
         }
         sum.map(|channel| channel.max(0.0))
-    }
-
-    fn order_1_at(&self, at: [f64; 2]) -> [f64; 3] {
-        let Rectangle { low, high } = self.bounds;
-        // Rounding can lead off the chart.
-        let at: [f64; 2] = std::array::from_fn(|axis| at[axis].clamp(low[axis], high[axis]));
-        self.order_1.tiles.value(at)
     }
 }
 
