@@ -12,7 +12,7 @@
 use super::frame::Frame;
 use super::levels::{TERMS, compared};
 use super::matrix::{Points, Row, rows};
-use super::tiles::{Tiles, columns, halved};
+use super::tiles::{Tiles, columns, halved, lattice};
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
     EVALUATIONS_MAX, EXCESS_WORTH_ALL, HALVINGS_MAX, LEVEL_MAX, LEVEL_TIMES, OFF_NODES,
@@ -21,7 +21,7 @@ use crate::hybrid::budget::interreflection::{
 use crate::numerics::channels::{add_scaled, largest, largest_difference};
 use crate::numerics::chebyshev::Basis;
 use crate::numerics::polygon::Rectangle;
-use std::sync::OnceLock;
+use std::cell::OnceCell;
 
 /// Interreflection of all orders from 2 on.
 pub struct Higher {
@@ -34,7 +34,7 @@ pub struct Higher {
 struct Senders<'a, Order1> {
     frame: &'a Frame<'a>,
     order_1: Order1,
-    levels: [OnceLock<Points>; LEVEL_MAX + 2],
+    levels: [OnceCell<Points>; LEVEL_MAX + 2],
 }
 
 /// Terms along either side of one tile for all of the chart, one after the other.
@@ -44,7 +44,7 @@ const COUNTS: [usize; 3] = [4, 6, TERMS];
 struct Whole {
     solved: Solved,
     level: usize,
-    /// What a tile with all terms takes at this level.
+    /// Evaluations that a tile with all terms takes at this level.
     spent: u64,
     evaluations: u64,
 }
@@ -274,7 +274,8 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
                 (most, brightest) = (largest(value), index);
             }
         }
-        // All nodes may be dark: far from the column that receives most.
+        // Far from the column that receives most, all nodes may be dark. At the corners far from the sample rules
+        // miss least.
         let [left, right, .., middle] = compared(COUNT);
         let mut checked = [left, right, middle]
             .map(|node| (nodes[node], &at_nodes[node]))
@@ -430,17 +431,8 @@ fn off_nodes(frame: &Frame<'_>, part: &Rectangle) -> Vec<[f64; 2]> {
         .filter_map(|column| part.intersection(&column))
         .collect();
     let mut points = Vec::with_capacity(OFF_NODES);
-    for Rectangle { low, high } in &columns {
-        for step in 1..=OFF_NODES / columns.len() {
-            // A lattice by the plastic number (Roberts, "The Unreasonable Effectiveness of Quasirandom
-            // Sequences", 2018).
-            points.push(
-                [(0, 0.754_877_666), (1, 0.569_840_291)].map(|(axis, share)| {
-                    let at = 0.5 + step as f64 * share;
-                    low[axis] + (at - at.floor()) * (high[axis] - low[axis])
-                }),
-            );
-        }
+    for column in &columns {
+        points.extend(lattice(column).take(OFF_NODES / columns.len()));
     }
     points
 }

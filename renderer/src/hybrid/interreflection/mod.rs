@@ -8,7 +8,7 @@
 //! Irradiance on the chart is a smooth function of the position. It is interpolated on tiles that
 //! span a and ln(1 + b/gap), because it changes fastest near the sample. Every value is an integral
 //! over the sample ([`sample_rule`], [`transfer`]). A tile's error has two parts: what its series
-//! leaves out, and what the rules miss against finer ones at several nodes, the worst of them.
+//! leaves out, and what the rules miss against finer ones, at the worst of several points.
 //!
 //! What a narrow lobe can send to the chart is bounded first ([`bound`]). If the bound is a small
 //! share of the tolerance, nothing is worked out and the bound is added to the stated error. If the

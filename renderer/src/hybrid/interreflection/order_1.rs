@@ -271,6 +271,7 @@ fn total(sums: &LineSums, count: usize) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tiles::lattice;
     use super::*;
     use crate::geometry::BackendChoice;
     use crate::hybrid::PreparedView;
@@ -309,7 +310,7 @@ mod tests {
             let order_1 = solve(frame, ORDER_1_SHARE).expect("light that rules resolve");
             let disc = disc(RINGS_MAX);
             let (mut better, mut off_by_more) = (0, 0);
-            for at in points(&frame.bounds()) {
+            for at in lattice(&frame.bounds()).take(POINTS) {
                 let exact = value(frame, at, &disc, LEVEL_MAX + 1, &mut Scratch::default());
                 let off = largest_difference(order_1.tiles.value(at), exact.light);
                 let stated = order_1.tiles.error_on(&Rectangle { low: at, high: at });
@@ -327,7 +328,7 @@ mod tests {
     fn rules_over_a_wide_bulb_converge() {
         in_frames(|name, frame| {
             let lights = |level: usize| -> Vec<[f64; 3]> {
-                let nodes: Vec<[f64; 2]> = points(&frame.bounds()).collect();
+                let nodes: Vec<[f64; 2]> = lattice(&frame.bounds()).take(POINTS).collect();
                 let values = values(frame, &nodes, &disc(1), level);
                 values.into_iter().map(|value| value.light).collect()
             };
@@ -343,16 +344,5 @@ mod tests {
                 assert!(off < share * most, "{name}, level {level}: {off} of {most}");
             }
         });
-    }
-
-    /// Points of a lattice that lie in no pattern of the tiles.
-    fn points(bounds: &Rectangle) -> impl Iterator<Item = [f64; 2]> {
-        let Rectangle { low, high } = *bounds;
-        (0..POINTS).map(move |step| {
-            [(0, 0.754_877_666), (1, 0.569_840_291)].map(|(axis, share)| {
-                let at: f64 = 0.5 + step as f64 * share;
-                low[axis] + (at - at.floor()) * (high[axis] - low[axis])
-            })
-        })
     }
 }

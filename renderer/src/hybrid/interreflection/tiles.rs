@@ -85,3 +85,15 @@ pub fn halved(rectangle: &Rectangle, tails: [f64; 2]) -> [Rectangle; 2] {
     halves[1].low[steep] = middle;
     halves
 }
+
+/// Points of a rectangle that lie in no pattern of any nodes: a lattice by the plastic number (Roberts, "The
+/// Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+pub fn lattice(rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
+    let Rectangle { low, high } = *rectangle;
+    (1..).map(move |step: u32| {
+        [(0, 0.754_877_666), (1, 0.569_840_291)].map(|(axis, share)| {
+            let at = 0.5 + f64::from(step) * share;
+            low[axis] + (at - at.floor()) * (high[axis] - low[axis])
+        })
+    })
+}
