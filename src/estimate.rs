@@ -74,7 +74,7 @@ pub struct Options {
     /// How a distribution over bins becomes a value
     #[arg(long, value_enum, default_value = "unbiased")]
     reading: ReadingName,
-    /// The device that computes: cpu, cuda, cuda:1
+    /// The device that computes: cpu, cuda, cuda:1, wgpu
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
     /// Threads; 0 takes one for each core

@@ -81,7 +81,7 @@ pub struct Options {
     #[arg(long, default_value_t = 32, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=2048))]
     side: u32,
-    /// The device that computes: cpu, cuda, cuda:1
+    /// The device that computes: cpu, cuda, cuda:1, wgpu
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
     /// Threads; 0 takes one for each core

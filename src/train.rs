@@ -26,8 +26,9 @@ use training::variant::Variant;
 ///
 /// Reads an export of rectified pairs (`brdfarm dataset export EXPORT --layout files --views 5,8
 /// --rectified 64`) and writes model.safetensors, log.csv and curves.svg. The same export, options
-/// and seed give the same bytes on one processor. Every epoch ends with a checkpoint. If the training
-/// is stopped, the same command resumes from the last one.
+/// and seed give the same bytes on one processor. Epochs end with checkpoints: all epochs, unless
+/// checkpoints would take more than a tenth of the time. If the training is stopped, the same command
+/// resumes from the last checkpoint.
 #[derive(Debug, Args)]
 pub struct Options {
     /// The export
@@ -104,7 +105,8 @@ pub struct Options {
     /// Also write the log as TensorBoard's event files, into DIR/tensorboard
     #[arg(long)]
     tensorboard: bool,
-    /// The device that computes: cpu; or cuda or cuda:1 if the program was built with the feature cuda
+    /// The device that computes: cpu; cuda or cuda:1 if the program was built with the feature cuda;
+    /// wgpu, the GPU that Vulkan or Metal finds, if it was built with the feature wgpu
     #[arg(long, default_value = "cpu", value_name = "DEVICE")]
     device: Accelerator,
     /// Threads; 0 takes one for each core

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const STATE: &str = "state.json";
 const PARTS: [&str; 3] = ["weights.bpk", "optimiser.bpk", "best.bpk"];
@@ -231,6 +232,33 @@ impl Checkpoints {
                 remove_folder(&path)?;
             }
         }
+        Ok(())
+    }
+}
+
+/// After which epochs a checkpoint is written: after each one, but where writing takes long beside
+/// an epoch, as on a GPU, so seldom that it takes a tenth of the time.
+#[derive(Debug, Default)]
+pub(super) struct Pace {
+    // When the last one was written, and how long that took.
+    last: Option<(Instant, Duration)>,
+}
+
+impl Pace {
+    /// Epochs take at least so many times as long as checkpoints.
+    const EPOCHS_PER_CHECKPOINT: u32 = 10;
+
+    /// Writes a checkpoint if it is time.
+    pub fn keep<E>(&mut self, write: impl FnOnce() -> Result<(), E>) -> Result<(), E> {
+        let early = |(end, took): (Instant, Duration)| {
+            end.elapsed() < took.saturating_mul(Self::EPOCHS_PER_CHECKPOINT)
+        };
+        if self.last.is_some_and(early) {
+            return Ok(());
+        }
+        let begin = Instant::now();
+        write()?;
+        self.last = Some((Instant::now(), begin.elapsed()));
         Ok(())
     }
 }

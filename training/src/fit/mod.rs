@@ -36,7 +36,7 @@ use crate::pixels::normalisation::Normalisation;
 use crate::variant::{HeadPlan, Variant};
 use burn::module::Module;
 use burn::tensor::Device;
-use checkpoint::{Checkpoints, MODEL, State};
+use checkpoint::{Checkpoints, MODEL, Pace, State};
 use cnns::{StageName, take_cnns};
 use dataset::Split;
 use events::Events;
@@ -66,7 +66,7 @@ pub enum Progress<'a> {
         /// Steps of an epoch.
         steps: u64,
     },
-    /// An epoch is done and its checkpoint written.
+    /// An epoch is done, and its checkpoint written where one was due.
     Epoch {
         /// Its line of the log.
         line: &'a state::EpochLine,
@@ -390,6 +390,7 @@ impl Training<'_> {
             }
             None => Learner::new(fresh, &stage),
         };
+        let mut pace = Pace::default();
         while !learner.finished(&stage) {
             let epoch = learner.state.epoch;
             let line = learner.epoch(&stage, &|done, steps| {
@@ -403,8 +404,10 @@ impl Training<'_> {
             })?;
             self.state.stage = Some(learner.state);
             self.state.log.push(line);
-            self.checkpoints
-                .write_stage(&self.state, &learner.packed()?)?;
+            pace.keep(|| {
+                self.checkpoints
+                    .write_stage(&self.state, &learner.packed()?)
+            })?;
             self.checkpoints.write_log(&self.state)?;
             if let Some(line) = self.state.log.last() {
                 if let Some(events) = &mut self.events {
@@ -416,11 +419,8 @@ impl Training<'_> {
                 });
             }
         }
-        if learner.best.is_empty() {
-            learner.best = stage::pack(&learner.network)?;
-        }
-        self.checkpoints
-            .finish_stage(&mut self.state, &learner.best)?;
-        unpack(learner.network, &learner.best)
+        let best = learner.packed_best()?;
+        self.checkpoints.finish_stage(&mut self.state, &best)?;
+        unpack(learner.network, &best)
     }
 }

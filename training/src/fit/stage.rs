@@ -1,4 +1,4 @@
-//! One network's training: epochs of steps, each with a checkpoint.
+//! One network's training: epochs of steps.
 
 use super::inputs::Inputs;
 use super::network::Network;
@@ -60,8 +60,8 @@ pub(super) struct Learner<N> {
     pub network: N,
     optimiser: ModuleOptimizer,
     pub state: StageState,
-    /// The weights of the best epoch, packed.
-    pub best: Vec<u8>,
+    // The network after its best epoch, without derivatives.
+    best: Option<N>,
 }
 
 /// Packs a network's weights. The network is not changed.
@@ -89,7 +89,7 @@ impl<N: Network> Learner<N> {
             network,
             optimiser: stage.new_optimiser(),
             state: StageState::default(),
-            best: Vec::new(),
+            best: None,
         }
     }
 
@@ -105,18 +105,28 @@ impl<N: Network> Learner<N> {
             .new_optimiser()
             .from_bytes(Bytes::from_bytes_vec(optimiser))
             .map_err(weights)?;
+        let network = unpack(network, &weights_now)?;
         Ok(Self {
-            network: unpack(network, &weights_now)?,
+            best: Some(unpack(network.valid(), &best)?),
+            network,
             optimiser,
             state,
-            best,
         })
     }
 
     /// Weights, optimiser and best weights, packed.
     pub fn packed(&self) -> Result<[Vec<u8>; 3], TrainingError> {
         let optimiser = self.optimiser.into_bytes().map_err(weights)?;
-        Ok([pack(&self.network)?, optimiser.to_vec(), self.best.clone()])
+        Ok([
+            pack(&self.network)?,
+            optimiser.to_vec(),
+            self.packed_best()?,
+        ])
+    }
+
+    /// The best weights, packed; before the first epoch those of the beginning.
+    pub fn packed_best(&self) -> Result<Vec<u8>, TrainingError> {
+        pack(self.best.as_ref().unwrap_or(&self.network))
     }
 
     /// Whether no epoch is left.
@@ -141,12 +151,13 @@ impl<N: Network> Learner<N> {
             tell(done as u64 + 1, steps);
         }
         self.state.epoch += 1;
-        let excesses = excesses(&self.network.valid(), stage)?;
+        let valid = self.network.valid();
+        let excesses = excesses(&valid, stage)?;
         let excess = excesses.iter().sum::<f64>() / excesses.len() as f64;
-        if self.best.is_empty() || excess < self.state.best_excess {
+        if self.best.is_none() || excess < self.state.best_excess {
             self.state.best_excess = excess;
             self.state.best_epoch = self.state.epoch;
-            self.best = pack(&self.network)?;
+            self.best = Some(valid);
         }
         Ok(EpochLine {
             stage: stage.name.clone(),
@@ -185,12 +196,15 @@ impl<N: Network> Learner<N> {
         let inputs = tensor(rows, [positions.len(), stage.inputs.width()], &stage.device);
         let logits = stage.by_parameter(self.network.logits(inputs, dropout));
         let loss = stage.loss(logits, positions);
-        let value = f64::from(loss.clone().into_scalar::<f32>());
+        let gradients = GradientsParams::from_grads(loss.backward(), &self.network);
+        let squares = sum_of_squares(&gradients, &self.network);
+        // Both are read at once: a device works ahead until it is asked.
+        let read = numbers(Tensor::cat(vec![loss.inner(), squares], 0))?;
+        let value = f64::from(read[0]);
         if !value.is_finite() {
             return Err(diverged("the loss"));
         }
-        let gradients = GradientsParams::from_grads(loss.backward(), &self.network);
-        if !are_finite(&gradients, &self.network) {
+        if !read[1].is_finite() {
             return Err(diverged("a gradient"));
         }
         let rate = stage.rate(self.state.step, steps);
@@ -337,25 +351,32 @@ fn excesses<N: Network>(network: &N, stage: &Stage<'_>) -> Result<Vec<f64>, Trai
     Ok(sums.into_iter().map(|sum| sum / count).collect())
 }
 
-struct Finite<'a> {
+struct Squares<'a> {
     gradients: &'a GradientsParams,
-    sum: f32,
+    sum: Option<Tensor<1>>,
 }
 
-impl ModuleVisitor for Finite<'_> {
+impl ModuleVisitor for Squares<'_> {
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
         if let Some(gradient) = self.gradients.get::<D>(param.id) {
-            self.sum += (gradient.clone() * gradient).sum().into_scalar::<f32>();
+            let squares = (gradient.clone() * gradient).sum();
+            self.sum = Some(match self.sum.take() {
+                Some(sum) => sum + squares,
+                None => squares,
+            });
         }
     }
 }
 
-/// Whether all gradients are finite, and small enough to have a finite sum of squares.
-fn are_finite<N: Module>(gradients: &GradientsParams, network: &N) -> bool {
-    let mut finite = Finite {
+/// The sum of the squares of all gradients: finite where all of them are, and small enough.
+fn sum_of_squares<N: Module>(gradients: &GradientsParams, network: &N) -> Tensor<1> {
+    let mut squares = Squares {
         gradients,
-        sum: 0.0,
+        sum: None,
     };
-    network.visit(&mut finite);
-    finite.sum.is_finite()
+    network.visit(&mut squares);
+    let Some(sum) = squares.sum else {
+        unreachable!("a network has weights");
+    };
+    sum
 }

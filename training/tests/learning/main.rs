@@ -6,3 +6,13 @@
 mod overfit;
 mod pairs;
 mod twin;
+
+use burn::tensor::Device;
+use training::device::Accelerator;
+
+/// Where networks are computed: on the processor, or where TRAINING_TEST_DEVICE says, as tests/gpu.sh
+/// does.
+fn device() -> Device {
+    let name = std::env::var("TRAINING_TEST_DEVICE").unwrap_or_else(|_| "cpu".to_owned());
+    name.parse::<Accelerator>().unwrap().open().unwrap()
+}

@@ -1,7 +1,7 @@
 //! A network that cannot learn 32 materials by heart learns nothing.
 
+use crate::device;
 use crate::pairs::rendered;
-use burn::tensor::Device;
 use std::cell::Cell;
 use training::fit::options::{Optimiser, Preset};
 use training::fit::{Files, Progress, train};
@@ -24,7 +24,7 @@ fn thirty_two_materials_are_learned_by_heart_in_100_steps() {
         tensorboard: false,
     };
     let least = Cell::new(f64::INFINITY);
-    train(&pairs, &options, files, &Device::flex(), &|event| {
+    train(&pairs, &options, files, &device(), &|event| {
         if let Progress::Epoch { line, .. } = event {
             least.set(least.get().min(line.excess));
         }

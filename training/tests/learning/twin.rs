@@ -4,8 +4,9 @@
 //! test writes. To write them anew: `WRITE_MODELS=DIR cargo test -p training --test learning twin`,
 //! then `python training/tests/torch_logits.py DIR training/tests/reference`.
 
+use crate::device;
 use crate::pairs::drawn;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::{Tensor, TensorData};
 use safetensors::tensor::{Dtype, TensorView, serialize};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -40,7 +41,7 @@ fn check(preset: Preset, variant: Variant) {
         observed: None,
         tensorboard: false,
     };
-    let device = Device::flex();
+    let device = device();
     let path = train(&pairs, &options, files, &device, &|_| {}).unwrap();
     let model = Model::read(&path, &device).unwrap();
     let codes = Codes::new(&pairs, options.encoding);
