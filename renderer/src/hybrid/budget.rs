@@ -478,6 +478,8 @@ pub mod interreflection {
 
     /// How many times the evaluations the next level of the higher orders takes, and more terms. The first is measured:
     /// 2 to 4.4 on materials 724 and 916 of the preset, up to 8 with more terms. The second is (6 / 4)^2, rounded up.
+    /// A level that takes more goes beyond the limit once: by 2.7 times at most, in 16 of 600 charts drawn at random
+    /// that ask for an accuracy out of reach.
     pub const LEVEL_TIMES: u64 = 6;
     pub const TERMS_TIMES: u64 = 3;
 
