@@ -294,3 +294,46 @@ pub(super) fn difference(found: &State, wanted: &State) -> Result<Option<String>
     let other = found.identity != wanted.identity || found.pairs != wanted.pairs;
     Ok(other.then(|| "on other images".to_owned()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::convert::Infallible;
+    use std::thread::sleep;
+
+    /// How many checkpoints are written after epochs of a length, if each takes `took`.
+    fn written(epochs: u32, epoch: Duration, took: Duration) -> u32 {
+        let mut pace = Pace::default();
+        let mut count = 0;
+        for _ in 0..epochs {
+            sleep(epoch);
+            let kept = pace.keep(|| {
+                sleep(took);
+                count += 1;
+                Ok::<_, Infallible>(())
+            });
+            assert!(kept.is_ok());
+        }
+        count
+    }
+
+    #[test]
+    fn checkpoints_follow_every_long_epoch_and_few_short_ones() {
+        assert_eq!(written(5, Duration::from_millis(20), Duration::ZERO), 5);
+        // Ten times 300 ms is longer than all of these together.
+        assert_eq!(written(5, Duration::ZERO, Duration::from_millis(300)), 1);
+    }
+
+    #[test]
+    fn a_checkpoint_that_failed_is_tried_again() {
+        let mut pace = Pace::default();
+        assert_eq!(pace.keep(|| Err("full")), Err("full"));
+        let mut kept = false;
+        let again: Result<(), &str> = pace.keep(|| {
+            kept = true;
+            Ok(())
+        });
+        assert_eq!(again, Ok(()));
+        assert!(kept);
+    }
+}
