@@ -236,8 +236,8 @@ impl Checkpoints {
     }
 }
 
-/// After which epochs a checkpoint is written: after each one, but where writing takes long beside
-/// an epoch, as on a GPU, so seldom that it takes a tenth of the time.
+/// Decides after which epochs a checkpoint is written: after each one, unless writing it takes more
+/// than a tenth of an epoch, as on a GPU. Then epochs pass until it takes a tenth of the time.
 #[derive(Debug, Default)]
 pub(super) struct Pace {
     // When the last one was written, and how long that took.
@@ -245,7 +245,7 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    /// Epochs take at least so many times as long as checkpoints.
+    /// The time between two checkpoints, over the time that writing the first of them took, at least.
     const EPOCHS_PER_CHECKPOINT: u32 = 10;
 
     /// Writes a checkpoint if it is time.

@@ -145,11 +145,11 @@ fn draws(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     move |low, high| low + (high - low) * (rng.next_u32() as f64 / f64::from(u32::MAX))
 }
 
-/// What the higher orders are off by at points of the chart of a draw, over what they state there; `None`
-/// where they are not worked out.
-fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
-    let mut uniform = draws(seed);
-    let (specification, material) = drawn(&mut uniform);
+/// What `look` finds in the higher orders of a draw without order 1; `None` where they are not worked out.
+fn solved<T>(
+    (specification, material): (Specification, Material),
+    look: impl FnOnce(&Frame<'_>, &Higher) -> T,
+) -> Option<T> {
     let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
     let scene = Scene::new(&specification, 0, BackendChoice::Native)
         .expect("a view")
@@ -157,26 +157,36 @@ fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
     let prepared = PreparedView::new(&scene, &specification)?;
     let frame = Frame::new(&prepared.view, prepared.chart.as_ref()?, &reflectance);
     let higher = Higher::solve(&frame, HIGHER_SHARE, |_| [0.0; 3]).ok()?;
-    let Rectangle { low, high } = frame.bounds();
-    let points: Vec<[f64; 2]> = (0..POINTS)
-        .map(|_| [0, 1].map(|axis| uniform(low[axis], high[axis])))
-        .collect();
-    // Finer than what most draws take.
-    const LEVEL: usize = 2;
-    let senders = Points::new(&frame, LEVEL, &|_| [0.0; 3]);
-    let exact = rows(&frame, &points, &senders, LEVEL);
-    let ratios = points.iter().zip(&exact).map(|(at, row)| {
-        let exact = row.apply(&senders, |i| senders.direct[i]);
-        let tiles = &higher.tiles[0];
-        let stated = tiles.error_on(&Rectangle {
-            low: *at,
-            high: *at,
+    Some(look(&frame, &higher))
+}
+
+/// What the higher orders are off by at points of the chart of a draw, over what they state there; `None`
+/// where they are not worked out.
+fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
+    let mut uniform = draws(seed);
+    let draw = drawn(&mut uniform);
+    solved(draw, |frame, higher| {
+        let Rectangle { low, high } = frame.bounds();
+        let points: Vec<[f64; 2]> = (0..POINTS)
+            .map(|_| [0, 1].map(|axis| uniform(low[axis], high[axis])))
+            .collect();
+        // Finer than what most draws take.
+        const LEVEL: usize = 2;
+        let senders = Points::new(frame, LEVEL, &|_| [0.0; 3]);
+        let exact = rows(frame, &points, &senders, LEVEL);
+        let ratios = points.iter().zip(&exact).map(|(at, row)| {
+            let exact = row.apply(&senders, |i| senders.direct[i]);
+            let tiles = &higher.tiles[0];
+            let stated = tiles.error_on(&Rectangle {
+                low: *at,
+                high: *at,
+            });
+            let off = largest_difference(tiles.value(*at), exact);
+            // Lobes that are too narrow leave next to nothing.
+            off / stated.max(NOTHING)
         });
-        let off = largest_difference(tiles.value(*at), exact);
-        // Lobes that are too narrow leave next to nothing.
-        off / stated.max(NOTHING)
-    });
-    Some(ratios.collect())
+        ratios.collect()
+    })
 }
 
 /// By the last coefficients alone one point in 13 is off by more, by up to 50 times: a tile far wider than the
@@ -199,14 +209,9 @@ fn share_of_limit(seed: u64) -> Option<f64> {
     let (mut specification, material) = drawn(&mut draws(seed));
     specification.accuracy.relative = 1e-6;
     specification.accuracy.absolute = 1e-7;
-    let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
-    let scene = Scene::new(&specification, 0, BackendChoice::Native)
-        .expect("a view")
-        .expect("native geometry");
-    let prepared = PreparedView::new(&scene, &specification)?;
-    let frame = Frame::new(&prepared.view, prepared.chart.as_ref()?, &reflectance);
-    let higher = Higher::solve(&frame, HIGHER_SHARE, |_| [0.0; 3]).ok()?;
-    Some(higher.evaluations as f64 / EVALUATIONS_MAX as f64)
+    solved((specification, material), |_, higher| {
+        higher.evaluations as f64 / EVALUATIONS_MAX as f64
+    })
 }
 
 /// Draws of 600 that take most.
