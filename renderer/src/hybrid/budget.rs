@@ -470,18 +470,17 @@ pub mod interreflection {
     /// (measured).
     pub const EVALUATIONS_MAX: u64 = 12_000_000;
 
+    /// Evaluations of the coarsest rules for the higher orders, in half a second: nothing is known without them. The
+    /// path tracer renders what takes more. Measured: 9 of 600 charts drawn at random take more than
+    /// [`EVALUATIONS_MAX`] for them, up to 2.7 times as much; of 40 with 64 x 64 patches on the sample's edge 3 would
+    /// take up to 3.6 times as much as this.
+    pub const FIRST_EVALUATIONS_MAX: u64 = 50_000_000;
+
     /// Higher orders that miss this many times what they may (3.6 times the target) are worth all of
     /// [`EVALUATIONS_MAX`], others proportionally less: pixels have room for a small excess, and time has not.
     /// Measured on the first 1,000 materials of the preset: with 8 they take 5 percent more time, and as many images
     /// have a hundredth of their pixels above the tolerance.
     pub const EXCESS_WORTH_ALL: f64 = 60.0;
-
-    /// How many times the evaluations the next level of the higher orders takes, and more terms. The first is measured:
-    /// 2 to 4.4 on materials 724 and 916 of the preset, up to 8 with more terms. The second is (6 / 4)^2, rounded up.
-    /// A level that takes more goes beyond the limit once: by 2.7 times at most, in 16 of 600 charts drawn at random
-    /// that ask for an accuracy out of reach.
-    pub const LEVEL_TIMES: u64 = 6;
-    pub const TERMS_TIMES: u64 = 3;
 
     /// A rule is taken not to resolve the lobe if the next finer one moves the result by more than this
     /// share of it. Chosen.

@@ -10,16 +10,17 @@
 //! on evaluations is reached. Then the tiles state what they miss.
 
 use super::frame::Frame;
-use super::levels::{TERMS, compared};
-use super::matrix::{Points, Row, rows};
+use super::levels::{Series, TERMS, compared};
+use super::matrix::{Planned, Points, Row, level_cells, rows};
+use super::sources::Cell;
 use super::tiles::{Tiles, columns, halved, lattice};
-use super::unresolved::{Unresolved, unresolved_error};
+use super::unresolved::{Unresolved, unresolved_at_most, unresolved_error};
 use crate::hybrid::budget::interreflection::{
-    EVALUATIONS_MAX, EXCESS_WORTH_ALL, HALVINGS_MAX, LEVEL_MAX, LEVEL_TIMES, OFF_NODES,
-    OFF_NODES_DOUBT, RULE_SHARE, STUCK, STUCK_MISSED, TERMS_TIMES, UNRESOLVED_SHARE,
+    EVALUATIONS_MAX, EXCESS_WORTH_ALL, FIRST_EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, OFF_NODES,
+    OFF_NODES_DOUBT, RULE_SHARE, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::channels::{add_scaled, largest, largest_difference};
-use crate::numerics::chebyshev::Basis;
+use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;
 use std::cell::OnceCell;
 
@@ -34,28 +35,50 @@ pub struct Higher {
 struct Senders<'a, Order1> {
     frame: &'a Frame<'a>,
     order_1: Order1,
-    levels: [OnceCell<Points>; LEVEL_MAX + 2],
+    levels: [Level; LEVEL_MAX + 2],
 }
 
-/// Terms along either side of one tile for all of the chart, one after the other.
-const COUNTS: [usize; 3] = [4, 6, TERMS];
+/// A level's cubature over the chart, made when it is first needed.
+#[derive(Default)]
+struct Level {
+    /// The cells, and how many points they have.
+    cells: OnceCell<(Vec<Cell>, usize)>,
+    points: OnceCell<Points>,
+}
 
 /// All of the chart as one tile.
 struct Whole {
     solved: Solved,
     level: usize,
-    /// Evaluations that a tile with all terms takes at this level.
-    spent: u64,
+    series: Series,
+    evaluations: u64,
+}
+
+/// A part of the chart as one tile, before it is worked out.
+struct Plan {
+    rectangle: Rectangle,
+    level: usize,
+    series: Series,
+    depth: u32,
+    at_nodes: Vec<Planned>,
+    /// At points off the nodes.
+    beside: Vec<Planned>,
+    /// By the rules of the next level, at some of the nodes and then at the same points.
+    finer: Vec<Planned>,
+    /// How many it takes at most.
     evaluations: u64,
 }
 
 /// A part of the chart as one tile, worked out at a level.
-struct Part<const COUNT: usize> {
+struct Part {
     rectangle: Rectangle,
     level: usize,
+    series: Series,
     depth: u32,
     /// What its nodes receive.
     rows: Vec<Row>,
+    /// The most light of the first orders at a node.
+    largest: f64,
     /// What the rules miss against the next finer ones, at the worst of several points.
     missed: f64,
     /// What the series of the first orders leaves out by its last coefficients, and along either side.
@@ -63,18 +86,18 @@ struct Part<const COUNT: usize> {
     tails: [f64; 2],
     /// What it leaves out by points off its nodes.
     off_nodes: f64,
-    /// Whether halving did not help.
+    /// Whether neither more terms nor halving helped.
     stuck: bool,
     evaluations: u64,
     resolved: bool,
 }
 
-/// What finer rules tell.
-struct Finer {
-    missed: f64,
-    evaluations: u64,
-    /// Whether they have points enough for the lobe.
-    resolved: bool,
+/// What points beside the nodes of a tile tell of it.
+struct Beside {
+    /// How far the tile is off at the worst.
+    off: f64,
+    /// Which receives most.
+    brightest: usize,
 }
 
 /// The orders from 2 on at the nodes of a part.
@@ -111,121 +134,119 @@ impl Higher {
         let Whole {
             mut solved,
             level,
-            spent,
+            series,
             mut evaluations,
-        } = senders.whole(allowed);
-        let columns = columns(frame);
-        let likely = evaluations + columns.len() as u64 * spent;
-        let excess = (solved.left_out + solved.missed) / allowed;
-        if excess > 1.0 && likely <= evaluations_max(excess) {
-            let parts = senders.parts(columns, level, share, &mut evaluations);
-            solved = senders.solved(&parts);
+        } = senders.whole(allowed)?;
+        let excess = solved.excess(allowed);
+        if excess > 1.0 && solved.resolved {
+            let columns = columns(frame).into_iter();
+            let plans: Vec<_> = columns
+                .map(|column| senders.plan(column, series, level, 0))
+                .collect();
+            if evaluations + all(&plans) <= evaluations_max(excess) {
+                let parts = senders.parts(plans, share, &mut evaluations);
+                solved = senders.solved(&parts);
+            }
         }
-        let Solved {
-            mut tiles,
-            missed,
-            largest,
-            resolved,
-            ..
-        } = solved;
-        if !resolved || missed > (UNRESOLVED_SHARE * largest).max(allowed) {
-            let error = unresolved_error(largest, missed)?;
-            for tiles in &mut tiles {
+        if solved.doubtful(allowed) {
+            let error = unresolved_error(solved.largest, solved.missed)?;
+            for tiles in &mut solved.tiles {
                 tiles.everywhere += error;
             }
         }
-        Ok(Self { tiles, evaluations })
+        Ok(Self {
+            tiles: solved.tiles,
+            evaluations,
+        })
     }
 }
 
 impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
+    fn cells(&self, level: usize) -> &(Vec<Cell>, usize) {
+        let cells = &self.levels[level].cells;
+        cells.get_or_init(|| level_cells(self.frame, level))
+    }
+
     /// The points of a level.
     fn points(&self, level: usize) -> &Points {
-        self.levels[level].get_or_init(|| Points::new(self.frame, level, &self.order_1))
+        let (cells, _) = self.cells(level);
+        let points = &self.levels[level].points;
+        points.get_or_init(|| Points::new(self.frame, (cells, level), &self.order_1))
     }
 
     /// All of the chart as one tile with as many terms and rules as fine as `allowed` asks for and a limit on
     /// evaluations lets it have.
-    fn whole(&self, allowed: f64) -> Whole {
-        let (mut level, mut terms, mut evaluations) = (0, 0, 0);
+    ///
+    /// # Errors
+    /// When even the coarsest rules take more than [`FIRST_EVALUATIONS_MAX`].
+    fn whole(&self, allowed: f64) -> Result<Whole, Unresolved> {
+        let bounds = self.frame.bounds();
+        let mut plan = self.plan(bounds, Series::FIRST, 0, 0);
+        if plan.evaluations > FIRST_EVALUATIONS_MAX {
+            return Err(Unresolved);
+        }
+        let mut evaluations = 0;
         let mut before = f64::INFINITY;
         loop {
-            let (solved, spent) = match terms {
-                0 => self.whole_with::<{ COUNTS[0] }>(level),
-                1 => self.whole_with::<{ COUNTS[1] }>(level),
-                _ => self.whole_with::<TERMS>(level),
-            };
-            evaluations += spent;
+            let (level, series) = (plan.level, plan.series);
+            let part = self.part(plan);
+            evaluations += part.evaluations;
+            let solved = self.solved(&[part]);
             let Solved {
                 left_out, missed, ..
             } = solved;
+            let excess = solved.excess(allowed);
             let rules_fail = missed > RULE_SHARE * allowed || stuck(left_out, before, missed);
             let rough = rules_fail && level < LEVEL_MAX;
-            let short = left_out > (1.0 - RULE_SHARE) * allowed && terms < 2;
-            let times = if rough { LEVEL_TIMES } else { 1 } * if short { TERMS_TIMES } else { 1 };
-            let excess = (left_out + missed) / allowed;
-            let dear = evaluations + times * spent > evaluations_max(excess);
-            if excess <= 1.0 || !(rough || short) || dear {
-                return Whole {
-                    solved,
-                    level,
-                    spent: spent * (TERMS * TERMS) as u64 / (COUNTS[terms] * COUNTS[terms]) as u64,
-                    evaluations,
-                };
+            let finer_series = series
+                .finer()
+                .filter(|_| left_out > (1.0 - RULE_SHARE) * allowed);
+            let done = excess <= 1.0 || !solved.resolved || !(rough || finer_series.is_some());
+            let whole = Whole {
+                solved,
+                level,
+                series,
+                evaluations,
+            };
+            if done {
+                return Ok(whole);
             }
-            level += usize::from(rough);
-            terms += usize::from(short);
+            let next_level = level + usize::from(rough);
+            plan = self.plan(bounds, finer_series.unwrap_or(series), next_level, 0);
+            if evaluations + plan.evaluations > evaluations_max(excess) {
+                return Ok(whole);
+            }
             before = if rough { f64::INFINITY } else { left_out };
         }
     }
 
-    fn whole_with<const COUNT: usize>(&self, level: usize) -> (Solved, u64) {
-        let part = self.part::<COUNT>(self.frame.bounds(), level, 0);
-        let spent = part.evaluations;
-        (self.solved(&[part]), spent)
-    }
-
-    /// The chart in tiles. The worst is halved, or its rules are refined, until none misses more than a share of
-    /// its tolerance or the limit on evaluations is reached.
-    fn parts(
-        &self,
-        columns: Vec<Rectangle>,
-        level: usize,
-        share: f64,
-        evaluations: &mut u64,
-    ) -> Vec<Part<TERMS>> {
-        let columns = columns.into_iter();
-        let mut parts: Vec<_> = columns.map(|column| self.part(column, level, 0)).collect();
+    /// The chart in tiles. The worst is halved, or gets more terms or finer rules, until none misses more than a
+    /// share of its tolerance or the limit on evaluations is reached.
+    fn parts(&self, plans: Vec<Plan>, share: f64, evaluations: &mut u64) -> Vec<Part> {
+        let mut parts: Vec<Part> = plans.into_iter().map(|plan| self.part(plan)).collect();
         *evaluations += parts.iter().map(|part| part.evaluations).sum::<u64>();
         loop {
+            let most = parts.iter().map(|part| part.largest).fold(0.0, f64::max);
             let excesses = parts
                 .iter()
-                .map(|part| self.excess(part, share))
+                .map(|part| self.excess(part, most, share))
                 .enumerate();
             let worst = excesses.max_by(|(_, [a, b]), (_, [c, d])| a.max(*b).total_cmp(&c.max(*d)));
-            let Some((worst, [short, rough])) = worst.filter(|(_, [a, b])| a.max(*b) > 1.0) else {
+            let Some((worst, excess)) = worst.filter(|(_, [a, b])| a.max(*b) > 1.0) else {
                 return parts;
             };
-            let part = &parts[worst];
-            let next: &[_] = match short >= rough {
-                true => &halved(&part.rectangle, part.tails),
-                false => &[part.rectangle],
-            };
-            let halves = next.len() > 1;
-            let likely = part.evaluations * if halves { 2 } else { LEVEL_TIMES };
-            if *evaluations + likely > evaluations_max(short.max(rough)) {
+            let [short, rough] = excess;
+            let next = self.next(&parts[worst], excess);
+            if *evaluations + all(&next) > evaluations_max(short.max(rough)) {
                 return parts;
             }
-            let level = part.level + usize::from(!halves);
-            let depth = part.depth + u32::from(halves);
-            let before = if halves {
-                part.left_out()
-            } else {
-                f64::INFINITY
+            let part = parts.swap_remove(worst);
+            let before = match rough > 1.0 {
+                true => f64::INFINITY,
+                false => part.left_out(),
             };
-            parts.swap_remove(worst);
-            for rectangle in next {
-                let mut part = self.part(*rectangle, level, depth);
+            for plan in next {
+                let mut part = self.part(plan);
                 part.stuck = stuck(part.left_out(), before, part.missed);
                 *evaluations += part.evaluations;
                 parts.push(part);
@@ -234,12 +255,17 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     }
 
     /// What a part's series leaves out and what its rules miss, over what each may: 0 for what cannot be helped.
-    fn excess(&self, part: &Part<TERMS>, share: f64) -> [f64; 2] {
+    /// Rules that do not resolve the most light there is are taken to miss what is stated for them.
+    fn excess(&self, part: &Part, most: f64, share: f64) -> [f64; 2] {
         let allowed = share * self.frame.tolerance(&part.rectangle);
         let short = part.left_out() / ((1.0 - RULE_SHARE) * allowed);
-        let rough = part.missed / (RULE_SHARE * allowed);
-        let halving_helps = part.depth < HALVINGS_MAX && !part.stuck;
-        match (part.level < LEVEL_MAX, halving_helps) {
+        let mut rough = part.missed / (RULE_SHARE * allowed);
+        if part.missed > (UNRESOLVED_SHARE * most).max(allowed) {
+            rough = rough.max(unresolved_at_most(most, part.missed) / allowed);
+        }
+        let series_helps =
+            !part.stuck && (part.series.finer().is_some() || part.depth < HALVINGS_MAX);
+        match (part.level < LEVEL_MAX && part.resolved, series_helps) {
             (true, true) => [short, rough],
             (true, false) => [0.0, short.max(rough)],
             (false, true) => [short, 0.0],
@@ -247,81 +273,127 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
         }
     }
 
-    /// A part of the chart at a level.
-    fn part<const COUNT: usize>(
-        &self,
-        rectangle: Rectangle,
-        level: usize,
-        depth: u32,
-    ) -> Part<COUNT> {
+    /// What is to take a part's place: finer rules, and more terms or both halves, as far as each is called for.
+    fn next(&self, part: &Part, [short, rough]: [f64; 2]) -> Vec<Plan> {
+        let level = part.level + usize::from(rough > 1.0);
+        let plan = |rectangle, series, depth| self.plan(rectangle, series, level, depth);
+        match part.series.finer() {
+            _ if short <= 1.0 => vec![plan(part.rectangle, part.series, part.depth)],
+            Some(finer) => vec![plan(part.rectangle, finer, part.depth)],
+            None => {
+                let halves = halved(&part.rectangle, part.tails).into_iter();
+                halves
+                    .map(|half| plan(half, part.series, part.depth + 1))
+                    .collect()
+            }
+        }
+    }
+
+    /// A part of the chart as it will be worked out.
+    fn plan(&self, rectangle: Rectangle, series: Series, level: usize, depth: u32) -> Plan {
         let frame = self.frame;
-        let basis = Basis::<COUNT>::new();
-        let nodes: Vec<[f64; 2]> = basis.nodes(&rectangle).collect();
+        let nodes = series.nodes(&rectangle);
         let off_nodes = off_nodes(frame, &rectangle);
-        let points = self.points(level);
-        let at_nodes = rows(frame, &nodes, points, level);
-        let beside = rows(frame, &off_nodes, points, level);
-        let first = |row: &Row| match frame.view.bounces_max {
+        let planned = |at: &[f64; 2]| Planned::new(frame, *at, level);
+        let at_nodes: Vec<Planned> = nodes.iter().map(planned).collect();
+        let beside: Vec<Planned> = off_nodes.iter().map(planned).collect();
+        let checked = checked(series).map(|node| nodes[node]);
+        let finer: Vec<Planned> = checked
+            .iter()
+            .chain(&off_nodes)
+            .map(|at| Planned::new(frame, *at, level + 1))
+            .collect();
+        let [points, finer_points] = [level, level + 1].map(|level| self.cells(level).1);
+        let here = at_nodes.iter().chain(&beside);
+        let here: u64 = here.map(|planned| planned.evaluations(points)).sum();
+        // Of the points beside the nodes one is looked at by finer rules. Which, the light will tell.
+        let mut there = finer
+            .iter()
+            .map(|planned| planned.evaluations(finer_points));
+        let at_checked: u64 = there.by_ref().take(checked.len()).sum();
+        Plan {
+            rectangle,
+            level,
+            series,
+            depth,
+            evaluations: here + at_checked + there.max().unwrap_or(0),
+            at_nodes,
+            beside,
+            finer,
+        }
+    }
+
+    /// A part of the chart, worked out.
+    fn part(&self, plan: Plan) -> Part {
+        let Plan {
+            rectangle,
+            level,
+            series,
+            depth,
+            at_nodes,
+            beside,
+            mut finer,
+            ..
+        } = plan;
+        let (points, finer_points) = (self.points(level), self.points(level + 1));
+        let [at_nodes, beside] = [at_nodes, beside].map(|all| rows(self.frame, &all, points));
+        let first = |row: &Row| match self.frame.view.bounces_max {
             3 => row.apply(points, |i| points.direct[i]),
             _ => row.apply(points, |i| points.first(i)),
         };
-        let (tile, fit) = basis.fit(rectangle, at_nodes.iter().map(first));
-        let (mut off, mut most, mut brightest) = (0.0f64, 0.0, 0);
-        for (index, (at, row)) in off_nodes.iter().zip(&beside).enumerate() {
-            let value = first(row);
-            off = off.max(largest_difference(value, tile.value(*at)));
-            if largest(value) > most {
-                (most, brightest) = (largest(value), index);
-            }
-        }
+        let lights: Vec<[f64; 3]> = at_nodes.iter().map(first).collect();
+        let most = lights.iter().copied().map(largest).fold(0.0, f64::max);
+        let (tile, fit) = series.fit(rectangle, lights.into_iter());
+        let Beside { off, brightest } = self.beside(&tile, beside.iter().map(first));
         // Far from the column that receives most, all nodes may be dark. At the corners far from the sample rules
         // miss least.
-        let [left, right, .., middle] = compared(COUNT);
-        let mut checked = [left, right, middle]
-            .map(|node| (nodes[node], &at_nodes[node]))
-            .to_vec();
-        checked.push((off_nodes[brightest], &beside[brightest]));
-        let Finer {
-            missed,
-            evaluations,
-            resolved,
-        } = self.finer(level, &checked);
-        let rows = at_nodes.iter().chain(&beside);
+        let mut coarse = checked(series).map(|node| &at_nodes[node]).to_vec();
+        coarse.push(&beside[brightest]);
+        finer.swap(coarse.len() - 1, coarse.len() - 1 + brightest);
+        let finer = rows(self.frame, &finer[..coarse.len()], finer_points);
+        let missed = coarse.iter().zip(&finer).map(|(coarse, finer)| {
+            let coarse = coarse.apply(points, |i| points.first(i));
+            let finer = finer.apply(finer_points, |i| finer_points.first(i));
+            largest_difference(coarse, finer)
+        });
+        let missed = missed.fold(0.0, f64::max);
+        let spent = at_nodes.iter().chain(&beside).chain(&finer);
         Part {
-            evaluations: evaluations + rows.map(|row| row.evaluations).sum::<u64>(),
             rectangle,
             level,
+            series,
             depth,
+            evaluations: spent.map(|row| row.evaluations).sum(),
+            largest: most,
             missed,
             fit_error: fit.error,
             tails: fit.tails,
             off_nodes: OFF_NODES_DOUBT * off,
             stuck: false,
-            resolved,
+            resolved: finer.iter().all(|row| row.resolved),
             rows: at_nodes,
         }
     }
 
-    /// What rules of a level miss against the next finer ones.
-    fn finer(&self, level: usize, checked: &[([f64; 2], &Row)]) -> Finer {
-        let (points, finer_points) = (self.points(level), self.points(level + 1));
-        let nodes: Vec<[f64; 2]> = checked.iter().map(|(at, _)| *at).collect();
-        let finer = rows(self.frame, &nodes, finer_points, level + 1);
-        let missed = checked.iter().zip(&finer).map(|((_, coarse), finer)| {
-            let coarse = coarse.apply(points, |i| points.first(i));
-            let finer = finer.apply(finer_points, |i| finer_points.first(i));
-            largest_difference(coarse, finer)
-        });
-        Finer {
-            missed: missed.fold(0.0, f64::max),
-            evaluations: finer.iter().map(|row| row.evaluations).sum(),
-            resolved: finer.iter().all(|row| row.resolved),
+    /// What the light at points off the nodes of a tile tells of it.
+    fn beside(&self, tile: &Tile<TERMS>, lights: impl Iterator<Item = [f64; 3]>) -> Beside {
+        let mut found = Beside {
+            off: 0.0,
+            brightest: 0,
+        };
+        let mut most = 0.0;
+        let points = off_nodes(self.frame, &tile.rectangle);
+        for (index, (at, light)) in points.into_iter().zip(lights).enumerate() {
+            found.off = found.off.max(largest_difference(light, tile.value(at)));
+            if largest(light) > most {
+                (most, found.brightest) = (largest(light), index);
+            }
         }
+        found
     }
 
     /// All orders on parts that make up the chart.
-    fn solved<const COUNT: usize>(&self, parts: &[Part<COUNT>]) -> Solved {
-        let basis = Basis::<COUNT>::new();
+    fn solved(&self, parts: &[Part]) -> Solved {
         let mut solved = Solved {
             tiles: Default::default(),
             left_out: 0.0,
@@ -337,19 +409,18 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
                 solved.largest = solved.largest.max(largest(*value));
             }
             for (tiles, values) in solved.tiles.iter_mut().zip(sums.values) {
-                let (tile, _) = basis.fit(part.rectangle, values.into_iter());
-                tiles.push(tile.widened(), left_out + part.missed);
+                let (tile, _) = part.series.fit(part.rectangle, values.into_iter());
+                tiles.push(tile, left_out + part.missed);
             }
         }
         solved
     }
 
     /// The orders from 2 on at the nodes of each part.
-    fn sums<const COUNT: usize>(&self, parts: &[Part<COUNT>]) -> Vec<Sums> {
+    fn sums(&self, parts: &[Part]) -> Vec<Sums> {
         let bounces_max = self.frame.view.bounces_max;
-        let basis = Basis::<COUNT>::new();
-        let nothing = |_| Sums {
-            values: [(); 2].map(|()| vec![[0.0; 3]; COUNT * COUNT]),
+        let nothing = |part: &Part| Sums {
+            values: [(); 2].map(|()| vec![[0.0; 3]; part.rows.len()]),
             fit_error: 0.0,
         };
         let mut all: Vec<Sums> = parts.iter().map(nothing).collect();
@@ -368,9 +439,9 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
                         add_scaled(sum, *value, 1.0);
                     }
                 }
-                let (tile, fit) = basis.fit(part.rectangle, values.into_iter());
+                let (tile, fit) = part.series.fit(part.rectangle, values.into_iter());
                 sums.fit_error += fit.error;
-                tiles.push(tile.widened(), 0.0);
+                tiles.push(tile, 0.0);
             }
             for (level, before) in before.iter_mut().enumerate() {
                 if !before[which].is_empty() {
@@ -382,10 +453,7 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     }
 
     /// The bulb's light and order 1 on the points of each level that parts have; nothing for the others.
-    fn first_orders<const COUNT: usize>(
-        &self,
-        parts: &[Part<COUNT>],
-    ) -> [[Vec<[f64; 3]>; 2]; LEVEL_MAX + 1] {
+    fn first_orders(&self, parts: &[Part]) -> [[Vec<[f64; 3]>; 2]; LEVEL_MAX + 1] {
         std::array::from_fn(|level| {
             if parts.iter().all(|part| part.level != level) {
                 return Default::default();
@@ -405,11 +473,39 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     }
 }
 
-impl<const COUNT: usize> Part<COUNT> {
+impl Solved {
+    /// Whether the rules do not resolve the light: they have too few points for the lobe, or the next finer ones
+    /// move it by a large share.
+    fn doubtful(&self, allowed: f64) -> bool {
+        !self.resolved || self.missed > (UNRESOLVED_SHARE * self.largest).max(allowed)
+    }
+
+    /// What is stated, over what is allowed.
+    fn excess(&self, allowed: f64) -> f64 {
+        let doubt = match self.doubtful(allowed) {
+            true => unresolved_at_most(self.largest, self.missed),
+            false => 0.0,
+        };
+        (self.left_out + self.missed + doubt) / allowed
+    }
+}
+
+impl Part {
     /// What the series of the first orders leaves out.
     fn left_out(&self) -> f64 {
         self.fit_error.max(self.off_nodes)
     }
+}
+
+/// The nodes of a series at which rules are compared with finer ones.
+fn checked(series: Series) -> [usize; 3] {
+    let [left, right, .., middle] = compared(series.terms());
+    [left, right, middle]
+}
+
+/// What plans take in all.
+fn all(plans: &[Plan]) -> u64 {
+    plans.iter().map(|plan| plan.evaluations).sum()
 }
 
 /// How many evaluations light is worth that misses this many times what it may.

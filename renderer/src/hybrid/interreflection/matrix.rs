@@ -3,8 +3,9 @@
 
 use super::frame::Frame;
 use super::levels::rule_tolerance;
-use super::sources::{ChartPoint, chart_points};
-use super::transfer::{ChartPoints, LineBatch, LineSums, from_chart};
+use super::sample_rule::SampleRule;
+use super::sources::{Cell, ChartPoint, cells, chart_points};
+use super::transfer::{Along, ChartPoints, LineBatch, LineSums, Receiver, from_chart};
 use crate::hybrid::budget::interreflection::CELLS;
 use rayon::prelude::*;
 
@@ -13,6 +14,12 @@ use rayon::prelude::*;
 struct Scratch {
     batch: LineBatch,
     sums: LineSums,
+}
+
+/// A node with the rule over the sample by which it receives light: what it takes is known before.
+pub struct Planned {
+    receiver: Receiver,
+    rule: SampleRule<Along>,
 }
 
 /// What one node receives from each point of unit radiance.
@@ -35,11 +42,14 @@ pub struct Points {
 }
 
 impl Points {
-    pub fn new(frame: &Frame<'_>, level: usize, order_1: &impl Fn([f64; 2]) -> [f64; 3]) -> Self {
+    pub fn new(
+        frame: &Frame<'_>,
+        (cells, level): (&[Cell], usize),
+        order_1: &impl Fn([f64; 2]) -> [f64; 3],
+    ) -> Self {
         let plane = &frame.chart.plane;
-        let half = frame.view.sample_half;
-        let (ratio, points) = CELLS[level];
-        let points = chart_points(plane, half, frame.gap, ratio, points);
+        let (_, points) = CELLS[level];
+        let points = chart_points(cells, points);
         let positions = points.iter().map(|point| {
             let [a, b] = point.at;
             let position = frame.sample.to_frame(plane.point(a, b));
@@ -81,31 +91,46 @@ impl Row {
     }
 }
 
-/// The rows of some nodes by the rules of a level.
-pub fn rows(frame: &Frame<'_>, nodes: &[[f64; 2]], points: &Points, level: usize) -> Vec<Row> {
-    nodes
+/// The cells of a level, and how many points it has.
+pub fn level_cells(frame: &Frame<'_>, level: usize) -> (Vec<Cell>, usize) {
+    let (ratio, points) = CELLS[level];
+    let half = frame.view.sample_half;
+    let cells = cells(&frame.chart.plane, half, frame.gap, ratio);
+    let count = cells.len() * points * points;
+    (cells, count)
+}
+
+impl Planned {
+    /// A node as the rules of a level work it out.
+    pub fn new(frame: &Frame<'_>, at: [f64; 2], level: usize) -> Self {
+        let receiver = frame.receiver(at);
+        let rule = frame.sample.rule(&receiver, rule_tolerance(level));
+        Self { receiver, rule }
+    }
+
+    /// How many evaluations it takes with as many points of the chart.
+    pub fn evaluations(&self, points: usize) -> u64 {
+        (points * self.rule.lines.len() * self.rule.along.rule.size()) as u64
+    }
+}
+
+/// The rows of some nodes.
+pub fn rows(frame: &Frame<'_>, planned: &[Planned], points: &Points) -> Vec<Row> {
+    planned
         .par_iter()
-        .map_init(Scratch::default, |scratch, &node| {
-            row(frame, node, points, level, scratch)
+        .map_init(Scratch::default, |scratch, planned| {
+            row(frame, planned, points, scratch)
         })
         .collect()
 }
 
-fn row(
-    frame: &Frame<'_>,
-    at: [f64; 2],
-    points: &Points,
-    level: usize,
-    scratch: &mut Scratch,
-) -> Row {
-    let receiver = frame.receiver(at);
-    let rule = frame.sample.rule(&receiver, rule_tolerance(level));
+fn row(frame: &Frame<'_>, planned: &Planned, points: &Points, scratch: &mut Scratch) -> Row {
+    let Planned { receiver, rule } = planned;
     let Scratch { batch, sums } = scratch;
     let source = ChartPoints {
         normal: receiver.normal,
     };
     let mut factors = vec![[0.0; 3]; points.positions.len()];
-    let mut evaluations = 0;
     for [v, weight, low, high] in &rule.lines {
         batch.clear();
         for [x, y, z] in &points.positions {
@@ -116,7 +141,7 @@ fn row(
         from_chart(
             instructions,
             batch,
-            &receiver,
+            receiver,
             &frame.surface,
             rule.along,
             &source,
@@ -129,11 +154,10 @@ fn row(
                 *sum += channel[index % per_block];
             }
         }
-        evaluations += batch.count() as u64 * rule.along.rule.size() as u64;
     }
     Row {
         factors,
-        evaluations,
+        evaluations: planned.evaluations(points.points.len()),
         resolved: rule.resolved,
     }
 }

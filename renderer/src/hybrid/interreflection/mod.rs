@@ -12,7 +12,8 @@
 //!
 //! What a narrow lobe can send to the chart is bounded first ([`bound`]). If the bound is a small
 //! share of the tolerance, nothing is worked out and the bound is added to the stated error. If the
-//! bound is large and no rule resolves the lobe, the answer is [`Unresolved`].
+//! bound is large and no rule resolves the lobe, or the coarsest ones take too much, the answer is
+//! [`Unresolved`].
 
 mod bound;
 mod bulb_arcs;

@@ -32,42 +32,57 @@ pub struct ChartPoint {
     pub patch: usize,
 }
 
-/// A cubature over the chart. Patches are halved until a cell's sides are at most `ratio` times its
-/// distance from the sample, a square of half side `half`; each cell has `points` by `points`.
-pub fn chart_points(
-    plane: &ChartPlane,
-    half: f64,
-    gap: f64,
-    ratio: f64,
-    points: usize,
-) -> Vec<ChartPoint> {
+/// A square of a patch.
+#[derive(Clone, Copy, Debug)]
+pub struct Cell {
+    low: [f64; 2],
+    side: f64,
+    patch: usize,
+}
+
+/// The chart in cells. Patches are halved until a cell's sides are at most `ratio` times its distance from
+/// the sample, a square of half side `half`.
+pub fn cells(plane: &ChartPlane, half: f64, gap: f64, ratio: f64) -> Vec<Cell> {
     let mut found = Vec::new();
     let mut open = Vec::new();
     for row in 0..plane.rows {
         for column in 0..plane.columns {
             let low = [column, row].map(|step| f64::from(step) * plane.pitch);
             let patch = plane.patch(column, row);
-            open.push((low, plane.pitch, patch, 0));
+            let side = plane.pitch;
+            open.push((Cell { low, side, patch }, 0));
         }
     }
-    while let Some(([a, b], side, patch, depth)) = open.pop() {
+    while let Some((cell, depth)) = open.pop() {
+        let ([a, b], side) = (cell.low, cell.side);
         let (left, right) = (plane.corner.x + a, plane.corner.x + a + side);
         let beside = (left - half).max(-half - right).max(0.0);
         let distance = libm::hypot(gap + b, beside);
         if side > ratio * distance && depth < DIVISIONS_MAX {
             let side = 0.5 * side;
             for (da, db) in [(0.0, 0.0), (side, 0.0), (0.0, side), (side, side)] {
-                open.push(([a + da, b + db], side, patch, depth + 1));
+                let low = [a + da, b + db];
+                open.push((Cell { low, side, ..cell }, depth + 1));
             }
             continue;
         }
-        let rule = GaussRule::of(points);
+        found.push(cell);
+    }
+    found
+}
+
+/// A cubature over the chart: `points` by `points` in each cell.
+pub fn chart_points(cells: &[Cell], points: usize) -> Vec<ChartPoint> {
+    let rule = GaussRule::of(points);
+    let mut found = Vec::with_capacity(cells.len() * points * points);
+    for Cell { low, side, patch } in cells {
+        let [a, b] = *low;
         for (b, weight_b) in rule.on(b, b + side) {
             for (a, weight_a) in rule.on(a, a + side) {
                 found.push(ChartPoint {
                     at: [a, b],
                     area: weight_a * weight_b,
-                    patch,
+                    patch: *patch,
                 });
             }
         }
