@@ -1,10 +1,11 @@
 //! What materials of the preset cost, and how many of their pixels meet the tolerance.
 //!
-//! `survey FIRST COUNT [STRIDE] [check]` renders materials FIRST, FIRST + STRIDE, ... of the preset in
+//! `survey FIRST COUNT [STRIDE] [relative=R] [check]` renders materials FIRST, FIRST + STRIDE, ... of the preset in
 //! every view on one thread, and prints a line of comma-separated values for each image: material, view,
 //! processor seconds, the share of pixels within the tolerance by their stated errors, evaluations, then
 //! the seconds of each phase. A summary with the tail goes to standard error. `survey hard [check]` does
-//! the same with the hard cases ([`HARD_CASES`]), by their names.
+//! the same with the hard cases ([`HARD_CASES`]), by their names. With `relative=R` the tolerance is R of a
+//! pixel's value, and a tenth of that as an absolute one, as in the preset.
 //!
 //! With `check` each view is rendered again, to a hundredth of the tolerance, and four columns tell of
 //! the image against that one: the share of pixels whose error is within what both state, the same
@@ -20,7 +21,12 @@ use std::{collections::BTreeMap, error::Error, io::Write};
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
     let check = arguments.pop_if(|last| last == "check").is_some();
-    let specification = Specification::preset();
+    let mut specification = Specification::preset();
+    if let Some(last) = arguments.pop_if(|last| last.starts_with("relative=")) {
+        let relative: f64 = last["relative=".len()..].parse()?;
+        specification.accuracy.absolute *= relative / specification.accuracy.relative;
+        specification.accuracy.relative = relative;
+    }
     let subjects = subjects(&specification, &arguments)?;
     rayon::ThreadPoolBuilder::new()
         .num_threads(1)
@@ -110,7 +116,8 @@ fn subjects(
         [first, count, stride] => (first, count, stride),
         _ => {
             return Err(
-                "usage: survey FIRST COUNT [STRIDE] [check], or survey hard [check]".into(),
+                "usage: survey FIRST COUNT [STRIDE] [relative=R] [check], or survey hard [relative=R] [check]"
+                    .into(),
             );
         }
     };
