@@ -1,8 +1,10 @@
 //! The film while light is added to it.
 
 use super::FilmPixel;
+use crate::numerics::batch::LANES;
 use crate::numerics::channels::add_scaled;
 use crate::numerics::polygon::{Polygon, Rectangle};
+use std::ops::Range;
 
 /// The film as it is summed up: row by row.
 pub struct Canvas<'a> {
@@ -55,16 +57,36 @@ impl Brightness {
         }
     }
 
-    /// The least of the pixels of a rectangle that lie inside an outline.
+    /// The least of the pixels of a rectangle that lie inside an outline, which is convex; 0 if none does.
     pub fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
         // Most tiles lie inside with all of their pixels.
         let all_inside = outline.contains(&rectangle.rounded_out());
-        let inside = |(column, row)| all_inside || outline.contains(&Rectangle::pixel(column, row));
-        let least = rectangle
-            .pixels()
-            .filter(|&pixel| inside(pixel))
-            .map(|(column, row)| self.pixels[(row * self.width + column) as usize])
-            .fold(f64::INFINITY, f64::min);
+        let [columns, rows] = rectangle.pixel_ranges();
+        let mut least = [f64::INFINITY; LANES];
+        for row in rows {
+            let outside = |column| !all_inside && !outline.contains(&Rectangle::pixel(column, row));
+            let Range { mut start, mut end } = columns.clone();
+            while start < end && outside(start) {
+                start += 1;
+            }
+            while start < end && outside(end - 1) {
+                end -= 1;
+            }
+            let [start, end] = [start, end].map(|column| (row * self.width + column) as usize);
+            let (blocks, others) = self.pixels[start..end].as_chunks::<LANES>();
+            for block in blocks {
+                keep_less(&mut least, block);
+            }
+            keep_less(&mut least, others);
+        }
+        let least = least.into_iter().fold(f64::INFINITY, f64::min);
         if least.is_finite() { least } else { 0.0 }
+    }
+}
+
+/// Keeps the lesser of each number and the one beside it.
+fn keep_less(least: &mut [f64; LANES], values: &[f64]) {
+    for (least, &value) in least.iter_mut().zip(values) {
+        *least = if value < *least { value } else { *least };
     }
 }

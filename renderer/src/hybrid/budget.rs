@@ -441,6 +441,11 @@ pub mod interreflection {
     /// Of an error that is allowed, the share that the cubature over the bulb may miss. Chosen.
     pub const DISC_SHARE: f64 = 0.1;
 
+    /// A bulb of up to this half width, in widths of the lobe along its narrow axis, may count as a point, if
+    /// [`DISC_SHARE`] allows it. Derived: over a disc of radius r the mean of a normal density is off by r^2 / 4 of it
+    /// at its middle, a hundredth.
+    pub const POINT_WIDTHS: f64 = 0.2;
+
     /// The most rings of that cubature. A limit on work. Chosen.
     pub const RINGS_MAX: usize = 8;
 

@@ -61,6 +61,15 @@ impl<const N: usize> Batch<N> {
         self.count
     }
 
+    /// A point.
+    ///
+    /// # Panics
+    /// When there are no more than `index`.
+    #[inline(always)]
+    pub fn point(&self, index: usize) -> [f64; N] {
+        self.columns.each_ref().map(|column| column[index])
+    }
+
     /// The points, number by number.
     #[inline(always)]
     pub fn blocks(&self) -> impl ExactSizeIterator<Item = [&[f64; LANES]; N]> {

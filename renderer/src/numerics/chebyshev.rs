@@ -1,7 +1,7 @@
 //! Products of Chebyshev series on rectangles.
 
 use super::channels::add_scaled;
-use super::polygon::{Polygon, Rectangle};
+use super::polygon::{OF_DEGREE_3, Polygon, Rectangle};
 use std::f64::consts::PI;
 
 /// The last terms along a side, by which what the series leaves out is judged.
@@ -16,6 +16,11 @@ const LEFT_OUT: f64 = 0.4;
 /// means count as no smaller than this. Measured on edges drawn at random (`hybrid::kinks`): with 0.7 two of 20,000
 /// pixels are off by more than the tolerance and what they state, with less 35 by up to 1.6 times as much.
 const EDGE_MEANS: f64 = 0.8;
+
+/// Over a part of a tile whose sides are this many times shorter a rule of degree 3 serves. Derived: it misses at
+/// most (2 / 10)^4 / 4320 times the fourth derivative of a term, a seventieth of the last coefficient and less than
+/// a ten thousandth of the fourth.
+const SMALL_PART: f64 = 10.0;
 
 /// A function of the film on a rectangle, in each channel the sum of `coefficients[j][i]` T_i along
 /// columns times T_j along rows.
@@ -282,12 +287,16 @@ impl<const TERMS: usize> Tile<TERMS> {
     /// The integral over a polygon inside the tile, and the polygon's area.
     pub fn integral_over(&self, polygon: &Polygon) -> ([f64; 3], f64) {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
-        polygon.for_each_point(|[column, row], weight| {
-            let x = values(self.rectangle.local(0, column));
-            let y = values(self.rectangle.local(1, row));
-            add_scaled(&mut sum, self.contract(&x, &y), weight);
+        let add = |at: [f64; 2], weight: f64| {
+            add_scaled(&mut sum, self.value(at), weight);
             area += weight;
-        });
+        };
+        let [whole, part] = [self.rectangle, polygon.bounds()].map(|rectangle| rectangle.sides());
+        if (0..2).all(|axis| part[axis] * SMALL_PART <= whole[axis]) {
+            polygon.for_each_point_of(&OF_DEGREE_3, add);
+        } else {
+            polygon.for_each_point(add);
+        }
         (sum, area)
     }
 

@@ -1,5 +1,7 @@
 //! Rectangles and convex polygons on the film, in pixels.
 
+use std::ops::Range;
+
 /// An axis-parallel rectangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
@@ -8,6 +10,41 @@ pub struct Rectangle {
     /// Largest column and row.
     pub high: [f64; 2],
 }
+
+/// A rule over triangles: Gauss-Legendre's points and weights along a side, Gauss-Jacobi's from the corner across
+/// to it.
+pub struct TriangleRule<const N: usize> {
+    across: [(f64, f64); N],
+    along: [(f64, f64); N],
+}
+
+/// Exact for polynomials of degree 3.
+pub const OF_DEGREE_3: TriangleRule<2> = TriangleRule {
+    across: [
+        (0.355_051_025_721_682_2, 0.181_958_618_256_022_83),
+        (0.844_948_974_278_317_8, 0.318_041_381_743_977_17),
+    ],
+    along: [
+        (0.211_324_865_405_187_1, 0.5),
+        (0.788_675_134_594_812_9, 0.5),
+    ],
+};
+
+/// Exact for polynomials of degree 7.
+pub const OF_DEGREE_7: TriangleRule<4> = TriangleRule {
+    across: [
+        (0.139_759_864_343_780_55, 0.031_180_970_950_008_08),
+        (0.416_409_567_631_083_18, 0.129_847_547_608_232_44),
+        (0.723_156_986_361_876_2, 0.203_464_568_010_271_36),
+        (0.942_895_803_885_482_3, 0.135_506_913_431_488_12),
+    ],
+    along: [
+        (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
+        (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
+        (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
+        (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
+    ],
+};
 
 impl Rectangle {
     /// The pixel in a column and row.
@@ -69,10 +106,15 @@ impl Rectangle {
         }
     }
 
-    /// Columns and rows of the pixels that it meets.
-    pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+    /// Columns and rows that it meets.
+    pub fn pixel_ranges(&self) -> [Range<u32>; 2] {
         let Self { low, high } = self.rounded_out();
-        let [columns, rows] = [0, 1].map(|axis| low[axis] as u32..high[axis] as u32);
+        [0, 1].map(|axis| low[axis] as u32..high[axis] as u32)
+    }
+
+    /// The pixels that it meets: columns and rows.
+    pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let [columns, rows] = self.pixel_ranges();
         rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
     }
 
@@ -253,20 +295,16 @@ impl Polygon {
     }
 
     /// Points and weights of a rule over the polygon, exact for polynomials of degree 7.
-    pub fn for_each_point(&self, mut visit: impl FnMut([f64; 2], f64)) {
-        // Four-point Gauss-Legendre along, four-point Gauss-Jacobi across a triangle.
-        const ALONG: [(f64, f64); 4] = [
-            (0.069_431_844_202_973_71, 0.173_927_422_568_726_93),
-            (0.330_009_478_207_571_87, 0.326_072_577_431_273_07),
-            (0.669_990_521_792_428_1, 0.326_072_577_431_273_07),
-            (0.930_568_155_797_026_3, 0.173_927_422_568_726_93),
-        ];
-        const ACROSS: [(f64, f64); 4] = [
-            (0.139_759_864_343_780_55, 0.031_180_970_950_008_08),
-            (0.416_409_567_631_083_18, 0.129_847_547_608_232_44),
-            (0.723_156_986_361_876_2, 0.203_464_568_010_271_36),
-            (0.942_895_803_885_482_3, 0.135_506_913_431_488_12),
-        ];
+    pub fn for_each_point(&self, visit: impl FnMut([f64; 2], f64)) {
+        self.for_each_point_of(&OF_DEGREE_7, visit);
+    }
+
+    /// The same for a rule over triangles.
+    pub fn for_each_point_of<const N: usize>(
+        &self,
+        rule: &TriangleRule<N>,
+        mut visit: impl FnMut([f64; 2], f64),
+    ) {
         let corners = self.corners();
         if corners.len() < 3 {
             return;
@@ -275,8 +313,8 @@ impl Polygon {
         for pair in corners[1..].windows(2) {
             let (b, c) = (pair[0], pair[1]);
             let double = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-            for (r, weight) in ACROSS {
-                for (s, share) in ALONG {
+            for (r, weight) in rule.across {
+                for (s, share) in rule.along {
                     let point = std::array::from_fn(|i| {
                         let edge = b[i] + s * (c[i] - b[i]);
                         a[i] + r * (edge - a[i])
@@ -354,15 +392,19 @@ mod tests {
     }
 
     #[test]
-    fn the_rule_integrates_degree_seven() {
-        // Over the unit square: x^7 + x^3 y^4 gives 1/8 + 1/20.
+    fn rules_integrate_to_their_degrees() {
+        // Over the unit square: x^7 + x^3 y^4 gives 1/8 + 1/20, and x^3 + x y^2 1/4 + 1/6.
         let square = Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-        let mut sum = 0.0;
+        let [mut of_seven, mut of_three] = [0.0; 2];
         square.for_each_point(|[x, y], weight| {
             let (x3, y2) = (x * x * x, y * y);
-            sum += weight * (x3 * x3 * x + x3 * y2 * y2);
+            of_seven += weight * (x3 * x3 * x + x3 * y2 * y2);
         });
-        assert!((sum - (0.125 + 0.05)).abs() < 1e-14, "{sum}");
+        square.for_each_point_of(&OF_DEGREE_3, |[x, y], weight| {
+            of_three += weight * (x * x * x + x * y * y);
+        });
+        assert!((of_seven - (0.125 + 0.05)).abs() < 1e-14, "{of_seven}");
+        assert!((of_three - (0.25 + 1.0 / 6.0)).abs() < 1e-14, "{of_three}");
     }
 
     #[test]

@@ -33,8 +33,9 @@
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
 
+use super::bulb_transfer::Bulb;
 use super::surface::Surface;
-use super::transfer::{Bulb, Receiver};
+use super::transfer::Receiver;
 use crate::numerics::batch::{Batch, LANES};
 use crate::numerics::elementary::log1p;
 use crate::numerics::gauss::GaussRule;
@@ -298,7 +299,7 @@ impl Arcs {
         let mut tints = [ZERO; 3];
         for i in 0..LANES {
             let fresnel = fresnel::reflectance(wi_z[i], surface.ior);
-            let [r, g, b] = surface.tint(fresnel, self.wo[2][i]);
+            let [r, g, b] = surface.tint(fresnel, &surface.toward(self.wo[2][i]));
             tints[0][i] = r;
             tints[1][i] = g;
             tints[2][i] = b;
@@ -355,8 +356,9 @@ kernel! {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hybrid::interreflection::bulb_transfer::{BulbRule, Scratch, from_bulb};
     use crate::hybrid::interreflection::sources::disc;
-    use crate::hybrid::interreflection::transfer::{Along, LineBatch, from_bulb};
+    use crate::hybrid::interreflection::transfer::Along;
     use crate::numerics::instructions::Instructions;
     use crate::numerics::tolerance::Tolerance;
     use crate::reflectance::Reflectance;
@@ -390,28 +392,27 @@ mod tests {
 
     /// The same by points of the bulb, each with a rule over every part of the line.
     fn by_points([v, weight, low, high]: [f64; 4], transport: Transport<'_>) -> f64 {
-        let mut batch = LineBatch::default();
+        let mut lines = PlainLineBatch::default();
         let end = |part: usize| low + (high - low) * part as f64 / PARTS as f64;
         for part in 0..PARTS {
-            for [x, y, share] in disc(RINGS) {
-                batch.push([v, weight, end(part), end(part + 1), x, y, share]);
-            }
+            lines.push([v, weight, end(part), end(part + 1)]);
         }
         let Transport {
             receiver,
             surface,
             bulb,
         } = transport;
-        let mut sums = vec![[[0.0; LANES]; 3]; batch.blocks().len()];
         let along = Along {
             rule: GaussRule::of(8),
             reach: None,
         };
         let set = Instructions::widest();
-        from_bulb(set, &batch, receiver, surface, along, bulb, &mut sums);
-        (0..batch.count())
-            .map(|index| sums[index / LANES][0][index % LANES])
-            .sum()
+        let rule = BulbRule {
+            disc: &disc(RINGS),
+            along,
+        };
+        let scratch = &mut Scratch::default();
+        from_bulb(set, &lines, rule, receiver, surface, bulb, scratch)[0]
     }
 
     proptest! {

@@ -1,10 +1,12 @@
 //! Sample and chart in the frame in which the sample's lines run along u.
 
+use super::bulb_transfer::Bulb;
 use super::sample_rule::SampleFrame;
 use super::surface::Surface;
-use super::transfer::{Bulb, Receiver};
+use super::transfer::Receiver;
 use crate::hybrid::chart_on_film::ChartOnFilm;
 use crate::hybrid::view::View;
+use crate::numerics::elementary::log1p;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
 use crate::vector::Vec3;
@@ -130,5 +132,5 @@ impl<'a> Frame<'a> {
 
 /// The position on the tiles of (a, b).
 pub fn tile_position([a, b]: [f64; 2], gap: f64) -> [f64; 2] {
-    [a, libm::log1p(b.max(0.0) / gap)]
+    [a, log1p(b.max(0.0) / gap)]
 }

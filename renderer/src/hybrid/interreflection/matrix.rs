@@ -1,20 +1,15 @@
 //! What nodes on the chart receive from points of it by way of the sample: the matrix that takes the light of
 //! one order to the second next.
 
+use super::chart_transfer::{PositionBatch, add_from_chart};
 use super::frame::Frame;
 use super::levels::rule_tolerance;
 use super::sample_rule::SampleRule;
 use super::sources::{Cell, ChartPoint, cells, chart_points};
-use super::transfer::{Along, ChartPoints, LineBatch, LineSums, Receiver, from_chart};
+use super::transfer::{Along, LineSums, Receiver};
 use crate::hybrid::budget::interreflection::CELLS;
+use crate::numerics::batch::LANES;
 use rayon::prelude::*;
-
-/// Buffers of a thread.
-#[derive(Default)]
-struct Scratch {
-    batch: LineBatch,
-    sums: LineSums,
-}
 
 /// A node with the rule over the sample by which it receives light: what it takes is known before.
 pub struct Planned {
@@ -34,7 +29,7 @@ pub struct Row {
 pub struct Points {
     pub points: Vec<ChartPoint>,
     /// In the sample's frame.
-    positions: Vec<[f64; 3]>,
+    positions: PositionBatch,
     /// Reflectance times area.
     weights: Vec<[f64; 3]>,
     pub direct: Vec<[f64; 3]>,
@@ -50,11 +45,12 @@ impl Points {
         let plane = &frame.chart.plane;
         let (_, points) = CELLS[level];
         let points = chart_points(cells, points);
-        let positions = points.iter().map(|point| {
+        let mut positions = PositionBatch::default();
+        for point in &points {
             let [a, b] = point.at;
             let position = frame.sample.to_frame(plane.point(a, b));
-            [position.x, position.y, position.z]
-        });
+            positions.push([position.x, position.y, position.z]);
+        }
         let weights = points.iter().map(|point| {
             let colour = frame.chart.patches[point.patch];
             colour.map(|channel| channel * point.area)
@@ -63,7 +59,7 @@ impl Points {
             .iter()
             .map(|point| [frame.view.bulb_on_chart(&frame.chart.plane, point.at); 3]);
         Self {
-            positions: positions.collect(),
+            positions,
             weights: weights.collect(),
             direct: direct.collect(),
             order_1: points.iter().map(|point| order_1(point.at)).collect(),
@@ -118,46 +114,36 @@ impl Planned {
 pub fn rows(frame: &Frame<'_>, planned: &[Planned], points: &Points) -> Vec<Row> {
     planned
         .par_iter()
-        .map_init(Scratch::default, |scratch, planned| {
-            row(frame, planned, points, scratch)
+        .map_init(LineSums::default, |sums, planned| {
+            row(frame, planned, points, sums)
         })
         .collect()
 }
 
-fn row(frame: &Frame<'_>, planned: &Planned, points: &Points, scratch: &mut Scratch) -> Row {
+fn row(frame: &Frame<'_>, planned: &Planned, points: &Points, sums: &mut LineSums) -> Row {
     let Planned { receiver, rule } = planned;
-    let Scratch { batch, sums } = scratch;
-    let source = ChartPoints {
-        normal: receiver.normal,
-    };
-    let mut factors = vec![[0.0; 3]; points.positions.len()];
-    for [v, weight, low, high] in &rule.lines {
-        batch.clear();
-        for [x, y, z] in &points.positions {
-            batch.push([*v, *weight, *low, *high, *x, *y, *z]);
-        }
-        sums.resize(batch.blocks().len(), Default::default());
-        let instructions = frame.view.instructions;
-        from_chart(
+    let positions = &points.positions;
+    sums.clear();
+    sums.resize(positions.blocks().len(), Default::default());
+    for line in &rule.lines {
+        let (instructions, surface) = (frame.view.instructions, &frame.surface);
+        add_from_chart(
             instructions,
-            batch,
+            positions,
+            *line,
             receiver,
-            &frame.surface,
+            surface,
             rule.along,
-            &source,
             sums,
         );
-        let per_block = sums.first().map_or(1, |block| block[0].len());
-        for (index, factor) in factors.iter_mut().enumerate() {
-            let block = &sums[index / per_block];
-            for (sum, channel) in factor.iter_mut().zip(block) {
-                *sum += channel[index % per_block];
-            }
-        }
     }
+    let factor = |index: usize| {
+        let block = &sums[index / LANES];
+        [0, 1, 2].map(|channel| block[channel][index % LANES])
+    };
     Row {
-        factors,
-        evaluations: planned.evaluations(points.points.len()),
+        factors: (0..positions.count()).map(factor).collect(),
+        evaluations: planned.evaluations(positions.count()),
         resolved: rule.resolved,
     }
 }

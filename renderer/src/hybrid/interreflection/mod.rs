@@ -17,7 +17,9 @@
 
 mod bound;
 mod bulb_arcs;
+mod bulb_transfer;
 pub mod cache;
+mod chart_transfer;
 mod frame;
 mod higher;
 mod levels;

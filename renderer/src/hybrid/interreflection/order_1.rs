@@ -1,16 +1,17 @@
 //! Order 1: from the bulb off the sample to the chart.
 
 use super::bulb_arcs::{PlainLineBatch, from_bulb_by_arcs};
+use super::bulb_transfer::{self, BulbRule, from_bulb};
 use super::frame::Frame;
 use super::levels::{TERMS, compared, rule_tolerance};
 use super::sample_rule::ForBulb;
 use super::sources::disc;
 use super::tiles::{Tiles, columns, halved};
-use super::transfer::{LineBatch, LineSums, from_bulb};
+use super::transfer::LineSums;
 use super::unresolved::{Unresolved, unresolved_error};
 use crate::hybrid::budget::interreflection::{
-    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, RINGS_MAX, RULE_SHARE, SERIES_FIRST,
-    STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
+    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, POINT_WIDTHS, RINGS_MAX, RULE_SHARE,
+    SERIES_FIRST, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -30,8 +31,9 @@ pub struct Order1 {
 /// Buffers of a thread.
 #[derive(Default)]
 struct Scratch {
-    batch: LineBatch,
     lines: PlainLineBatch,
+    bulb: bulb_transfer::Scratch,
+    /// By lines.
     sums: LineSums,
 }
 
@@ -120,9 +122,12 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
 /// How many rings the cubature over the bulb needs, and what it misses against the next finer one.
 fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
     let basis = Basis::<3>::new();
-    let nodes: Vec<[f64; 2]> = basis.nodes(&frame.bounds()).collect();
-    let mut coarse = values(frame, &nodes, &disc(1), 0);
-    for rings in 1..RINGS_MAX {
+    let columns = columns(frame);
+    let nodes = columns.iter().flat_map(|column| basis.nodes(column));
+    let nodes: Vec<[f64; 2]> = nodes.collect();
+    let first = usize::from(frame.sample.widths_of(&frame.bulb()) > POINT_WIDTHS);
+    let mut coarse = values(frame, &nodes, &disc(first), 0);
+    for rings in first..RINGS_MAX {
         let fine = values(frame, &nodes, &disc(rings + 1), 0);
         let pairs = coarse.iter().zip(&fine);
         let missed = pairs
@@ -225,34 +230,39 @@ fn value(
     let tolerance = rule_tolerance(level);
     let rule = frame.sample.rule_for_bulb(&receiver, &bulb, tolerance);
     let (instructions, surface) = (frame.view.instructions, &frame.surface);
-    let Scratch { batch, lines, sums } = scratch;
-    let (count, size) = match rule.along {
+    let Scratch {
+        lines,
+        bulb: buffers,
+        sums,
+    } = scratch;
+    lines.clear();
+    for line in &rule.lines {
+        lines.push(*line);
+    }
+    let (light, a_line) = match rule.along {
         ForBulb::Points(along) => {
-            batch.clear();
-            for [v, weight, low, high] in &rule.lines {
-                for [x, y, share] in disc {
-                    batch.push([*v, *weight, *low, *high, *x, *y, *share]);
-                }
-            }
-            sums.resize(batch.blocks().len(), Default::default());
-            from_bulb(instructions, batch, &receiver, surface, along, &bulb, sums);
-            (batch.count(), along.rule.size())
+            let rule = BulbRule { disc, along };
+            let light = from_bulb(
+                instructions,
+                lines,
+                rule,
+                &receiver,
+                surface,
+                &bulb,
+                buffers,
+            );
+            (light, disc.len() * along.rule.size())
         }
         ForBulb::Arcs(rules) => {
-            lines.clear();
-            for line in &rule.lines {
-                lines.push(*line);
-            }
             sums.resize(lines.blocks().len(), Default::default());
             from_bulb_by_arcs(instructions, lines, &receiver, surface, rules, &bulb, sums);
-            (lines.count(), rules.size())
+            (total(sums, lines.count()), rules.size())
         }
     };
-    let light = total(sums, count);
     debug_assert!(light.iter().all(|channel| channel.is_finite()));
     Value {
         light,
-        evaluations: count as u64 * size as u64,
+        evaluations: (lines.count() * a_line) as u64,
         resolved: rule.resolved,
     }
 }
@@ -271,6 +281,7 @@ fn total(sums: &LineSums, count: usize) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::{drawn, draws, in_frame};
     use super::super::tiles::lattice;
     use super::*;
     use crate::geometry::BackendChoice;
@@ -344,5 +355,60 @@ mod tests {
                 assert!(off < share * most, "{name}, level {level}: {off} of {most}");
             }
         });
+    }
+
+    /// Points of the chart of a draw that are looked at.
+    const DRAWN_POINTS: usize = 24;
+
+    /// Rings of the cubature over the bulb that order 1 is compared with.
+    const RINGS_FINE: usize = 4;
+
+    /// What order 1 is off by at a point, and what it states there, over the tolerance.
+    struct Off {
+        off: f64,
+        stated: f64,
+    }
+
+    /// At points of the chart of a draw; none where order 1 is not worked out.
+    fn on_drawn_chart(seed: u64) -> Vec<Off> {
+        let found = in_frame(drawn(&mut draws(seed)), |frame| {
+            let order_1 = solve(frame, ORDER_1_SHARE).ok()?;
+            let disc = disc(RINGS_FINE);
+            let tolerance = frame.tolerance(&frame.bounds());
+            let points = lattice(&frame.bounds()).take(DRAWN_POINTS).map(|at| {
+                let exact = value(frame, at, &disc, LEVEL_MAX, &mut Scratch::default());
+                let off = largest_difference(order_1.tiles.value(at), exact.light);
+                let stated = order_1.tiles.error_on(&Rectangle { low: at, high: at });
+                Off {
+                    off: off / tolerance,
+                    stated: stated / tolerance,
+                }
+            });
+            Some(points.collect())
+        });
+        found.flatten().unwrap_or_default()
+    }
+
+    /// Draws of 400 that are off by most beyond what they state.
+    const WORST: [u64; 3] = [118, 346, 367];
+
+    /// Over 400 draws 53 of 9,240 points are off by more than they state, by 0.22 of the tolerance at most: less than
+    /// a pixel of the chart states at least.
+    #[test]
+    fn on_charts_drawn_at_random_order_1_states_what_it_is_off_by() {
+        let points: Vec<Off> = (0..40).flat_map(on_drawn_chart).collect();
+        let beyond = points.iter().filter(|point| point.off > point.stated);
+        let beyond = beyond.count();
+        assert!(
+            points.len() > 800 && beyond <= points.len() / 100,
+            "{beyond}"
+        );
+        for seed in WORST {
+            let points = on_drawn_chart(seed).into_iter();
+            let most = points
+                .map(|point| point.off - point.stated)
+                .fold(0.0, f64::max);
+            assert!(most < 0.3, "draw {seed}: {most}");
+        }
     }
 }

@@ -7,8 +7,9 @@
 //! integrates along each line, and [`super::bulb_arcs`] where the bulb looks wider than the lobe.
 
 use super::bulb_arcs::ArcRules;
+use super::bulb_transfer::Bulb;
 use super::ridge::{Ridge, span_along};
-use super::transfer::{Along, Bulb, Receiver};
+use super::transfer::{Along, Receiver};
 use crate::hybrid::budget::interreflection::{
     ARCS_HALF_ANGLE_MAX, BESIDE_RIDGE_EXPONENT, BULB_WIDTHS, ROTATED_FROM, TAIL_DIGITS,
 };
@@ -138,6 +139,11 @@ impl SampleFrame {
         self.with_points(receiver, lines, None, (tolerance, resolved))
     }
 
+    /// The bulb's half width, in widths of the lobe along its narrow axis.
+    pub fn widths_of(&self, bulb: &Bulb) -> f64 {
+        WIDTHS_PER_ANGLE * bulb.half_angle() * self.n_u.sqrt()
+    }
+
     /// The rule for a receiver and the bulb.
     pub fn rule_for_bulb(
         &self,
@@ -146,10 +152,9 @@ impl SampleFrame {
         tolerance: Tolerance,
     ) -> SampleRule<ForBulb> {
         let c = receiver.position;
-        let half_angle = bulb.radius / bulb.centre.length();
-        let arcs = self.arcs
-            && half_angle < ARCS_HALF_ANGLE_MAX
-            && WIDTHS_PER_ANGLE * half_angle * self.n_u.sqrt() > BULB_WIDTHS;
+        let half_angle = bulb.half_angle();
+        let arcs =
+            self.arcs && half_angle < ARCS_HALF_ANGLE_MAX && self.widths_of(bulb) > BULB_WIDTHS;
         let radius = if arcs { bulb.radius } else { 0.0 };
         let ridge = self.ridge(c, (bulb.centre, radius), tolerance);
         let (lines, resolved) = self.lines(receiver, ridge.as_ref(), tolerance);

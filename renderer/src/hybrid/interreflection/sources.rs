@@ -6,8 +6,11 @@ use crate::scene::ChartPlane;
 use std::f64::consts::PI;
 
 /// A cubature over the unit disc: two coordinates and a weight, the weights adding up to 1. With
-/// `rings` rings it is exact to degree 4 `rings` - 1.
+/// `rings` rings it is exact to degree 4 `rings` - 1; without any it is the middle.
 pub fn disc(rings: usize) -> Vec<[f64; 3]> {
+    if rings == 0 {
+        return vec![[0.0, 0.0, 1.0]];
+    }
     let spokes = 4 * rings;
     let mut points = Vec::with_capacity(rings * spokes);
     for (radius2, weight) in GaussRule::of(rings).on(0.0, 1.0) {

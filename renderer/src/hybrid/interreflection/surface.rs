@@ -1,5 +1,6 @@
 //! The sample's reflectance as the kernels of interreflection see it.
 
+use crate::numerics::batch::LANES;
 use crate::reflectance::{LUMINANCE, Reflectance, specular};
 use crate::vector::Vec3;
 use dataset::specification::Tint;
@@ -23,6 +24,56 @@ pub struct Surface {
     hue: bool,
     rgb0: [f64; 3],
     rgb90: [f64; 3],
+}
+
+/// The tint toward a viewer but for Fresnel's reflectance.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Toward {
+    rgb: [f64; 3],
+    /// The same with 1 for the largest.
+    hue: [f64; 3],
+    /// Of the hue; 1 for black.
+    luminance: f64,
+    largest: f64,
+}
+
+/// The same toward a viewer a lane: 0 to 2 the colour, 3 to 5 the hue, then the others.
+#[derive(Clone, Copy, Debug)]
+pub struct Towards([[f64; LANES]; 8]);
+
+impl Towards {
+    /// Toward viewers at these cosines.
+    #[inline(always)]
+    pub fn new(surface: &Surface, cos_o: &[f64; LANES]) -> Self {
+        let mut all = [[0.0; LANES]; 8];
+        for i in 0..LANES {
+            let Toward {
+                rgb: [r, g, b],
+                hue: [hr, hg, hb],
+                luminance,
+                largest,
+            } = surface.toward(cos_o[i]);
+            for (lanes, number) in all
+                .iter_mut()
+                .zip([r, g, b, hr, hg, hb, luminance, largest])
+            {
+                lanes[i] = number;
+            }
+        }
+        Self(all)
+    }
+
+    /// The one of a lane.
+    #[inline(always)]
+    pub fn at(&self, i: usize) -> Toward {
+        let Self([r, g, b, hr, hg, hb, luminance, largest]) = self;
+        Toward {
+            rgb: [r[i], g[i], b[i]],
+            hue: [hr[i], hg[i], hb[i]],
+            luminance: luminance[i],
+            largest: largest[i],
+        }
+    }
 }
 
 impl Surface {
@@ -68,9 +119,9 @@ impl Surface {
         specular::depth([self.n_u, self.n_v], [u2, v2], tangential / z2)
     }
 
-    /// The tint toward a viewer at `cos_o`: [`crate::reflectance::tint`] without branches.
+    /// What the tint toward a viewer at `cos_o` is made of before Fresnel's reflectance is known.
     #[inline(always)]
-    pub fn tint(&self, fresnel: f64, cos_o: f64) -> [f64; 3] {
+    pub fn toward(&self, cos_o: f64) -> Toward {
         let sin_o = 1.0 - cos_o;
         let r = self.rgb90[0] * sin_o + self.rgb0[0] * cos_o;
         let g = self.rgb90[1] * sin_o + self.rgb0[1] * cos_o;
@@ -81,7 +132,25 @@ impl Surface {
         let scale = 1.0 / if dark { 1.0 } else { largest };
         let (hr, hg, hb) = (r * scale, g * scale, b * scale);
         let luminance = LUMINANCE[0] * hr + LUMINANCE[1] * hg + LUMINANCE[2] * hb;
-        let brightest = fresnel / if dark { 1.0 } else { luminance };
+        Toward {
+            rgb: [r, g, b],
+            hue: [hr, hg, hb],
+            luminance: if dark { 1.0 } else { luminance },
+            largest,
+        }
+    }
+
+    /// The tint toward a viewer: [`crate::reflectance::tint`] without branches.
+    #[inline(always)]
+    pub fn tint(&self, fresnel: f64, toward: &Toward) -> [f64; 3] {
+        let Toward {
+            rgb: [r, g, b],
+            hue: [hr, hg, hb],
+            luminance,
+            largest,
+        } = *toward;
+        let dark = largest <= 0.0;
+        let brightest = fresnel / luminance;
         let over = brightest > 1.0;
         let saturation = (1.0 - fresnel) / if over { brightest - fresnel } else { 1.0 };
         let hue = |full: f64| {
@@ -128,7 +197,7 @@ mod tests {
                 let surface = Surface::new(&reflectance, [cos, sin]);
                 let expected = reflectance.evaluate(wi, wo);
                 let fresnel = crate::reflectance::fresnel::reflectance(wi.z, ior);
-                let tint = surface.tint(fresnel, wo.z);
+                let tint = surface.tint(fresnel, &surface.toward(wo.z));
                 for channel in 0..3 {
                     let found = surface.specular(&rotated(wi), &rotated(wo)) * tint[channel]
                         + surface.lambert[channel] * wi.z;

@@ -2,15 +2,22 @@
 
 use super::Unresolved;
 use super::bound::Bounds;
+use super::bulb_arcs::PlainLineBatch;
+use super::bulb_transfer::{BulbRule, Scratch, from_bulb};
+use super::chart_transfer::{PositionBatch, add_from_chart};
 use super::frame::Frame;
 use super::higher::Higher;
 use super::matrix::{Planned, Points, level_cells, rows};
+use super::sources::disc;
+use super::transfer::{Along, Receiver};
 use crate::geometry::BackendChoice;
 use crate::hybrid::PreparedView;
 use crate::hybrid::budget::interreflection::{
     EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, HIGHER_SHARE,
 };
+use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
+use crate::numerics::gauss::GaussRule;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
@@ -120,7 +127,7 @@ const NOTHING: f64 = 1e-12;
 const POINTS: usize = 24;
 
 /// A view with paths of three hits and a chart up to eight times as wide as the sample, and a material.
-fn drawn(uniform: &mut impl FnMut(f64, f64) -> f64) -> (Specification, Material) {
+pub fn drawn(uniform: &mut impl FnMut(f64, f64) -> f64) -> (Specification, Material) {
     let gap_m = uniform(-0.01, 0.02).max(0.0);
     let tilt_deg = uniform(30.0, 89.0);
     let mut specification = specification(tilt_deg, 85.0, gap_m, uniform(2e-3, 2e-2));
@@ -143,15 +150,15 @@ fn drawn(uniform: &mut impl FnMut(f64, f64) -> f64) -> (Specification, Material)
 }
 
 /// Numbers of a seed between two others.
-fn draws(seed: u64) -> impl FnMut(f64, f64) -> f64 {
+pub fn draws(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     move |low, high| low + (high - low) * (rng.next_u32() as f64 / f64::from(u32::MAX))
 }
 
-/// What `look` finds in the higher orders of a draw without order 1; `None` where there is no chart.
-fn solved<T>(
+/// What `look` finds in the frame of a draw; `None` where there is no chart.
+pub fn in_frame<T>(
     (specification, material): (Specification, Material),
-    look: impl FnOnce(&Frame<'_>, Result<Higher, Unresolved>) -> T,
+    look: impl FnOnce(&Frame<'_>) -> T,
 ) -> Option<T> {
     let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
     let scene = Scene::new(&specification, 0, BackendChoice::Native)
@@ -159,8 +166,12 @@ fn solved<T>(
         .expect("native geometry");
     let prepared = PreparedView::new(&scene, &specification)?;
     let frame = Frame::new(&prepared.view, prepared.chart.as_ref()?, &reflectance);
-    let higher = Higher::solve(&frame, HIGHER_SHARE, |_| [0.0; 3]);
-    Some(look(&frame, higher))
+    Some(look(&frame))
+}
+
+/// The higher orders without order 1.
+fn higher(frame: &Frame<'_>) -> Result<Higher, Unresolved> {
+    Higher::solve(frame, HIGHER_SHARE, |_| [0.0; 3])
 }
 
 /// What the higher orders are off by at points of the chart of a draw, over what they state there; `None`
@@ -168,8 +179,8 @@ fn solved<T>(
 fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
     let mut uniform = draws(seed);
     let draw = drawn(&mut uniform);
-    solved(draw, |frame, higher| {
-        let higher = higher.ok()?;
+    in_frame(draw, |frame| {
+        let higher = higher(frame).ok()?;
         let Rectangle { low, high } = frame.bounds();
         let points: Vec<[f64; 2]> = (0..POINTS)
             .map(|_| [0, 1].map(|axis| uniform(low[axis], high[axis])))
@@ -219,8 +230,8 @@ fn most_evaluations(
 ) -> Option<Result<u64, Unresolved>> {
     specification.accuracy.relative = 1e-6;
     specification.accuracy.absolute = 1e-7;
-    solved((specification, material), |_, higher| {
-        higher.map(|higher| higher.evaluations)
+    in_frame((specification, material), |frame| {
+        higher(frame).map(|higher| higher.evaluations)
     })
 }
 
@@ -263,4 +274,69 @@ fn a_first_look_keeps_its_limit() {
         }
     }
     assert!(left >= 3, "{left}");
+}
+
+/// What points of the chart and the bulb send to a receiver off lines.
+fn sent(
+    frame: &Frame<'_>,
+    receiver: &Receiver,
+    (positions, lines): (&PositionBatch, &PlainLineBatch),
+    along: Along,
+) -> Vec<f64> {
+    let (set, surface, bulb) = (frame.view.instructions, &frame.surface, frame.bulb());
+    let mut sums = vec![[[0.0; LANES]; 3]; positions.blocks().len()];
+    for line in 0..lines.count() {
+        let (line, sums) = (lines.point(line), &mut sums);
+        add_from_chart(set, positions, line, receiver, surface, along, sums);
+    }
+    let rule = BulbRule {
+        disc: &disc(1),
+        along,
+    };
+    let buffers = &mut Scratch::default();
+    let by_bulb = from_bulb(set, lines, rule, receiver, surface, &bulb, buffers);
+    sums.into_iter()
+        .flatten()
+        .flatten()
+        .chain(by_bulb)
+        .collect()
+}
+
+/// By way of nodes that all sources share they send what they do by way of nodes of their own, which so long a reach
+/// puts in the same places.
+#[test]
+fn sources_may_share_nodes() {
+    const LONG: f64 = 1e9;
+    const COUNT: usize = 11;
+    let mut lit = 0;
+    for seed in 0..20 {
+        let mut uniform = draws(seed);
+        let draw = drawn(&mut uniform);
+        in_frame(draw, |frame| {
+            let Rectangle { low, high } = frame.bounds();
+            let mut receiver = || frame.receiver([0, 1].map(|axis| uniform(low[axis], high[axis])));
+            let to = receiver();
+            let mut positions = PositionBatch::default();
+            for _ in 0..COUNT {
+                let Vec3 { x, y, z } = receiver().position;
+                positions.push([x, y, z]);
+            }
+            let half = frame.view.sample_half;
+            let mut lines = PlainLineBatch::default();
+            for _ in 0..COUNT {
+                let [v, a, b] = [(); 3].map(|()| uniform(-half, half));
+                lines.push([v, 1.0, a.min(b), a.max(b)]);
+            }
+            let [shared, own] = [None, Some(LONG)].map(|reach| {
+                let rule = GaussRule::of(12);
+                sent(frame, &to, (&positions, &lines), Along { rule, reach })
+            });
+            for (shared, own) in shared.into_iter().zip(own) {
+                let off = (shared - own).abs();
+                assert!(off <= 1e-10 * own.abs(), "draw {seed}: {shared} {own}");
+                lit += usize::from(own > 0.0);
+            }
+        });
+    }
+    assert!(lit > 200, "{lit} numbers above 0: the test shows little");
 }

@@ -11,20 +11,15 @@
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
 
-use super::surface::Surface;
-use crate::numerics::batch::{Batch, LANES};
+use super::surface::{Surface, Toward};
+use crate::numerics::batch::LANES;
 use crate::numerics::elementary::{asinh, exp, log1p};
 use crate::numerics::gauss::GaussRule;
-use crate::numerics::instructions::kernel;
 use crate::reflectance::fresnel;
 use crate::vector::Vec3;
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::FRAC_1_PI;
 
-/// A line of the sample with a source: v, its weight, the least and largest u, and three numbers
-/// of the source.
-pub type LineBatch = Batch<7>;
-
-/// What arrives at the receiver for each line, by channel: irradiance over pi.
+/// What arrives at the receiver by block and channel: irradiance over pi.
 pub type LineSums = Vec<[[f64; LANES]; 3]>;
 
 /// A point of the chart that receives light.
@@ -46,129 +41,35 @@ pub struct Along {
 }
 
 /// The light from a source at a point of the sample.
-struct Light {
-    wi: Vec3,
+pub struct Light {
+    pub wi: Vec3,
     /// Radiance times solid angle.
-    weight: f64,
+    pub weight: f64,
     /// The irradiance.
-    irradiance: f64,
+    pub irradiance: f64,
 }
 
 /// A family of point sources, told apart by three numbers.
-trait Sources {
+pub trait Sources {
     fn light(&self, source: [f64; 3], u: f64, v: f64) -> Light;
 
     /// A point that the light at (u, v) comes from.
     fn origin(&self, source: [f64; 3], u: f64, v: f64) -> Vec3;
 }
 
-/// The points of a cubature over the bulb: two coordinates on the unit disc and a weight. The disc
-/// is mapped to the cap of directions by Lambert's azimuthal map, which keeps areas.
-#[derive(Clone, Copy, Debug)]
-pub struct Bulb {
-    /// The centre in the frame.
-    pub centre: Vec3,
-    /// In metres.
-    pub radius: f64,
-    /// In units of white.
-    pub radiance: f64,
-    /// The world's x axis in the frame. No direction to the centre is parallel to it, because the
-    /// specification keeps the bulb above the sample's plane.
-    pub x_axis: [f64; 2],
-}
-
-impl Sources for Bulb {
-    #[inline(always)]
-    fn light(&self, [x, y, share]: [f64; 3], u: f64, v: f64) -> Light {
-        let (cx, cy, cz) = (self.centre.x - u, self.centre.y - v, self.centre.z);
-        let distance2 = cx * cx + cy * cy + cz * cz;
-        let inverse = 1.0 / distance2.sqrt();
-        let (cx, cy, cz) = (cx * inverse, cy * inverse, cz * inverse);
-        let sin2 = self.radius * self.radius * inverse * inverse;
-        // The x axis times the centre's direction.
-        let [ex, ey] = self.x_axis;
-        let (ax, ay, az) = (ey * cz, -ex * cz, ex * cy - ey * cx);
-        let (bx, by, bz) = (cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax);
-        let length2 = ax * ax + ay * ay + az * az;
-        let one_and_cos = 1.0 + (1.0 - sin2).sqrt();
-        // Divisions and roots are what takes longest: one of each serves the map and both axes' lengths.
-        let divided = 1.0 / (one_and_cos * length2);
-        // Twice one minus the cosine of the half angle: the square of the map's radius.
-        let reach2 = 2.0 * sin2 * (length2 * divided);
-        let chord2 = reach2 * (x * x + y * y);
-        let along = 1.0 - 0.5 * chord2;
-        let across = (reach2 * (1.0 - 0.25 * chord2) * (one_and_cos * divided)).sqrt();
-        let (x, y) = (across * x, across * y);
-        let radiance = self.radiance * share;
-        Light {
-            wi: Vec3 {
-                x: cx * along + ax * x + bx * y,
-                y: cy * along + ay * x + by * y,
-                z: cz * along + az * x + bz * y,
-            },
-            weight: radiance * PI * reach2,
-            irradiance: radiance * PI * sin2 * cz,
-        }
-    }
-
-    /// As far away as the centre.
-    #[inline(always)]
-    fn origin(&self, source: [f64; 3], u: f64, v: f64) -> Vec3 {
-        let (cx, cy, cz) = (self.centre.x - u, self.centre.y - v, self.centre.z);
-        let distance = (cx * cx + cy * cy + cz * cz).sqrt();
-        let wi = self.light(source, u, v).wi;
-        Vec3 {
-            x: u + distance * wi.x,
-            y: v + distance * wi.y,
-            z: distance * wi.z,
-        }
-    }
-}
-
-/// Points of the chart of unit radiance times area.
-#[derive(Clone, Copy, Debug)]
-pub struct ChartPoints {
-    /// The normal of the chart's front in the frame.
-    pub normal: Vec3,
-}
-
-impl Sources for ChartPoints {
-    #[inline(always)]
-    fn light(&self, [x, y, z]: [f64; 3], u: f64, v: f64) -> Light {
-        let (x, y) = (x - u, y - v);
-        let distance2 = x * x + y * y + z * z;
-        let inverse = 1.0 / distance2.sqrt();
-        let (x, y, z) = (x * inverse, y * inverse, z * inverse);
-        let n = self.normal;
-        let cosine = -(n.x * x + n.y * y + n.z * z);
-        let cosine = if cosine > 0.0 { cosine } else { 0.0 };
-        let weight = cosine * inverse * inverse;
-        Light {
-            wi: Vec3 { x, y, z },
-            weight,
-            irradiance: weight * z,
-        }
-    }
-
-    #[inline(always)]
-    fn origin(&self, [x, y, z]: [f64; 3], _: f64, _: f64) -> Vec3 {
-        Vec3 { x, y, z }
-    }
-}
-
 /// The lines of a block as the kernels see them.
-struct Lines<'a> {
-    v: &'a [f64; LANES],
-    sources: [&'a [f64; LANES]; 3],
-    nearest: [f64; LANES],
-    delta: [f64; LANES],
-    low: [f64; LANES],
-    high: [f64; LANES],
+pub struct Lines<'a> {
+    pub v: &'a [f64; LANES],
+    pub sources: [&'a [f64; LANES]; 3],
+    pub nearest: [f64; LANES],
+    pub delta: [f64; LANES],
+    pub low: [f64; LANES],
+    pub high: [f64; LANES],
 }
 
 impl<'a> Lines<'a> {
     #[inline(always)]
-    fn new(block: [&'a [f64; LANES]; 7], receiver: &Receiver) -> Self {
+    pub fn new(block: [&'a [f64; LANES]; 7], receiver: &Receiver) -> Self {
         let [v, _, low, high, x, y, z] = block;
         let c = receiver.position;
         let mut lines = Self {
@@ -220,7 +121,7 @@ impl<'a> Lines<'a> {
 
     /// Cuts each line to the part that the lobe reaches, about a bracket of the root of h_u.
     #[inline(always)]
-    fn narrow<S: Sources>(
+    pub fn narrow<S: Sources>(
         &mut self,
         receiver: &Receiver,
         surface: &Surface,
@@ -351,142 +252,108 @@ fn widening(depth: f64, fallen: f64) -> f64 {
     if factor < 4.0 { factor } else { 4.0 }
 }
 
-/// The body of the kernels.
-#[inline(always)]
-fn transfer<S: Sources>(
-    batch: &LineBatch,
-    receiver: &Receiver,
-    surface: &Surface,
-    along: Along,
-    sources: &S,
-    sums: &mut [[[f64; LANES]; 3]],
-) {
-    for (block, sums) in batch.blocks().zip(sums) {
-        let mut lines = Lines::new(block, receiver);
-        if let Some(reach) = along.reach {
-            lines.narrow(receiver, surface, sources, reach);
+/// Points of the sample, one a lane, and what they send to the receiver.
+pub struct Sent {
+    pub u: [f64; LANES],
+    /// The direction to the receiver.
+    pub wo: [[f64; LANES]; 3],
+    /// Irradiance over pi there for a unit of radiance, with the rule's weights.
+    pub form: [f64; LANES],
+}
+
+impl Sent {
+    /// At nodes of the rule along lines: shares of their lengths, and their weights.
+    #[inline(always)]
+    pub fn new(
+        lines: &Lines<'_>,
+        weight_v: &[f64; LANES],
+        [nodes, weights_t]: [&[f64; LANES]; 2],
+        receiver: &Receiver,
+    ) -> Self {
+        let [mut u, mut weight, mut form] = [[0.0; LANES]; 3];
+        for i in 0..LANES {
+            let length = lines.high[i] - lines.low[i];
+            let (at, du) = lines.u(i, lines.low[i] + nodes[i] * length);
+            u[i] = at;
+            weight[i] = weight_v[i] * weights_t[i] * length * du;
         }
-        let [_, weight_v, ..] = block;
-        *sums = [[0.0; LANES]; 3];
-        for node in along.rule.on(0.0, 1.0) {
-            add_node(&lines, weight_v, node, receiver, surface, sources, sums);
+        let mut wo = [[0.0; LANES]; 3];
+        let (c, n) = (receiver.position, receiver.normal);
+        for i in 0..LANES {
+            let (x, y) = (c.x - u[i], c.y - lines.v[i]);
+            let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
+            let (x, y, z) = (x * inverse, y * inverse, c.z * inverse);
+            let facing = -(n.x * x + n.y * y + n.z * z);
+            let facing = if facing > 0.0 { facing } else { 0.0 };
+            form[i] = FRAC_1_PI * weight[i] * z * facing * inverse * inverse;
+            wo[0][i] = x;
+            wo[1][i] = y;
+            wo[2][i] = z;
         }
+        Self { u, wo, form }
     }
 }
 
-/// Adds a node of the rule along the lines: a share of their length, and its weight.
+/// Adds what arrives at the receiver off such points of the light that reaches each.
 #[inline(always)]
-fn add_node<S: Sources>(
-    lines: &Lines<'_>,
-    weight_v: &[f64; LANES],
-    (node, weight_t): (f64, f64),
-    receiver: &Receiver,
+pub fn add_light(
+    light: impl Fn(usize) -> Light,
+    sent: &Sent,
     surface: &Surface,
-    sources: &S,
+    toward: impl Fn(usize) -> Toward,
     sums: &mut [[f64; LANES]; 3],
 ) {
-    let v = lines.v;
     // Several short loops: the compiler does not vectorise one long one.
     let mut wi = [[0.0; LANES]; 3];
-    let mut wo = [[0.0; LANES]; 3];
-    let mut light = [[0.0; LANES]; 2];
-    let mut u = [[0.0; LANES]; 2];
+    let [mut specular, mut irradiance] = [[0.0; LANES]; 2];
     for i in 0..LANES {
-        let length = lines.high[i] - lines.low[i];
-        let (at, du) = lines.u(i, lines.low[i] + node * length);
-        u[0][i] = at;
-        u[1][i] = weight_v[i] * weight_t * length * du;
-    }
-    for i in 0..LANES {
-        let found = sources.light(lines.source(i), u[0][i], v[i]);
+        let found = light(i);
         wi[0][i] = found.wi.x;
         wi[1][i] = found.wi.y;
         wi[2][i] = found.wi.z;
-        light[0][i] = found.weight;
-        light[1][i] = found.irradiance;
+        specular[i] = found.weight * sent.form[i];
+        irradiance[i] = found.irradiance * sent.form[i];
     }
-    send(receiver, v, &u, &mut wo, &mut light);
     for i in 0..LANES {
-        let (wi, wo) = (
-            Vec3 {
-                x: wi[0][i],
-                y: wi[1][i],
-                z: wi[2][i],
-            },
-            Vec3 {
-                x: wo[0][i],
-                y: wo[1][i],
-                z: wo[2][i],
-            },
-        );
-        light[0][i] *= surface.specular(&wi, &wo);
+        let [wi, wo] = [&wi, &sent.wo].map(|w| Vec3 {
+            x: w[0][i],
+            y: w[1][i],
+            z: w[2][i],
+        });
+        specular[i] *= surface.specular(&wi, &wo);
     }
     let mut tints = [[0.0; LANES]; 3];
     for i in 0..LANES {
         let fresnel = fresnel::reflectance(wi[2][i], surface.ior);
-        let [r, g, b] = surface.tint(fresnel, wo[2][i]);
+        let [r, g, b] = surface.tint(fresnel, &toward(i));
         tints[0][i] = r;
         tints[1][i] = g;
         tints[2][i] = b;
     }
     for channel in 0..3 {
         for i in 0..LANES {
-            let lambert = surface.lambert[channel] * light[1][i];
-            sums[channel][i] += light[0][i] * tints[channel][i] + lambert;
+            let lambert = surface.lambert[channel] * irradiance[i];
+            sums[channel][i] += specular[i] * tints[channel][i] + lambert;
         }
     }
 }
 
-/// The directions to the receiver from the points of a node, and what arrives there of their light.
+/// Adds the nodes of a rule along lines, each of which has its own source.
 #[inline(always)]
-fn send(
+pub fn add_nodes<S: Sources>(
+    lines: &Lines<'_>,
+    weight_v: &[f64; LANES],
+    rule: &GaussRule,
     receiver: &Receiver,
-    v: &[f64; LANES],
-    u: &[[f64; LANES]; 2],
-    wo: &mut [[f64; LANES]; 3],
-    light: &mut [[f64; LANES]; 2],
+    surface: &Surface,
+    sources: &S,
+    sums: &mut [[f64; LANES]; 3],
 ) {
-    let (c, n) = (receiver.position, receiver.normal);
-    for i in 0..LANES {
-        let (x, y) = (c.x - u[0][i], c.y - v[i]);
-        let inverse = 1.0 / (x * x + y * y + c.z * c.z).sqrt();
-        let (x, y, z) = (x * inverse, y * inverse, c.z * inverse);
-        let facing = -(n.x * x + n.y * y + n.z * z);
-        let facing = if facing > 0.0 { facing } else { 0.0 };
-        let form = FRAC_1_PI * u[1][i] * z * facing * inverse * inverse;
-        wo[0][i] = x;
-        wo[1][i] = y;
-        wo[2][i] = z;
-        light[0][i] *= form;
-        light[1][i] *= form;
-    }
-}
-
-kernel! {
-    /// What the bulb sends to the receiver along each line.
-    pub fn from_bulb(
-        batch: &LineBatch,
-        receiver: &Receiver,
-        surface: &Surface,
-        along: Along,
-        bulb: &Bulb,
-        sums: &mut [[[f64; LANES]; 3]],
-    ) {
-        transfer(batch, receiver, surface, along, bulb, sums);
-    }
-}
-
-kernel! {
-    /// What points of the chart, each of unit radiance times area, send to the receiver along each
-    /// line.
-    pub fn from_chart(
-        batch: &LineBatch,
-        receiver: &Receiver,
-        surface: &Surface,
-        along: Along,
-        points: &ChartPoints,
-        sums: &mut [[[f64; LANES]; 3]],
-    ) {
-        transfer(batch, receiver, surface, along, points, sums);
+    for (node, weight_t) in rule.on(0.0, 1.0) {
+        let node = [&[node; LANES], &[weight_t; LANES]];
+        let sent = Sent::new(lines, weight_v, node, receiver);
+        let light = |i: usize| sources.light(lines.source(i), sent.u[i], lines.v[i]);
+        let toward = |i: usize| surface.toward(sent.wo[2][i]);
+        add_light(light, &sent, surface, toward, sums);
     }
 }
