@@ -80,9 +80,9 @@ impl Bound3 {
     }
 }
 
-/// The largest specular f cos_i for directions in these intervals: tints and cos_i / max(cos_i,
-/// cos_o) are at most 1.
-fn specular_max(reflectance: &Reflectance, wi: [Interval; 3], wo: [Interval; 3]) -> f64 {
+/// The largest specular f cos_i for directions in these intervals and half vectors of at least this slope: tints
+/// and cos_i / max(cos_i, cos_o) are at most 1.
+fn specular_max(reflectance: &Reflectance, [wi, wo]: [[Interval; 3]; 2], least_slope: f64) -> f64 {
     let lobe = &reflectance.lobe;
     let [x, y, z]: [Interval; 3] = std::array::from_fn(|axis| sum(wi[axis], wo[axis]));
     let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
@@ -106,7 +106,7 @@ fn specular_max(reflectance: &Reflectance, wi: [Interval; 3], wo: [Interval; 3])
     };
     // The frame's axes may give the better bound of the squared slope, as x and y are known apart.
     let straight = (square(x)[0] + square(y)[0]) / z2[1].max(TINY);
-    let slope2 = straight.max(p2 + q2_low);
+    let slope2 = straight.max(p2 + q2_low).max(least_slope * least_slope);
     let power = libm::exp(-0.5 * exponent * libm::log1p(slope2));
     let scale = reflectance.specular_share * 0.25 * FRAC_1_PI * lobe.normalization;
     scale * power / length2.max(TINY).sqrt()
@@ -134,6 +134,23 @@ impl Bounds {
 /// its hemisphere, weighted by the cosine.
 pub fn form_factor_max(plane: &ChartPlane) -> f64 {
     0.5 * (1.0 - plane.z.z)
+}
+
+/// The least slope of a half vector between two directions to the chart, from wherever on the sample: 0 for a chart
+/// that leans over the sample.
+///
+/// Both directions go toward +y, each by at least this for a unit of height, and so does their sum. From the
+/// sample's edge the chart stands steepest, at its lower or its upper end.
+pub fn least_slope(plane: &ChartPlane, half: f64) -> f64 {
+    let [_, height] = plane.size();
+    let (beside, above) = (plane.corner.y - half, plane.corner.z);
+    let at_low = match (beside > 0.0, above > 0.0) {
+        (_, true) => beside / above,
+        (true, false) => f64::INFINITY,
+        (false, false) => plane.y.y / plane.y.z,
+    };
+    let at_high = (beside + height * plane.y.y) / (above + height * plane.y.z);
+    at_low.min(at_high).max(0.0)
 }
 
 fn sample_boxes(half: f64, count: usize) -> Vec<Bound3> {
@@ -180,7 +197,8 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
         let solid_angle = 2.0 * PI * sin2 / (1.0 + (1.0 - sin2).sqrt());
         let wi = bulb.direction_from(&from);
         for chart in &charts {
-            let specular = specular_max(reflectance, wi, chart.direction_from(&from));
+            let wo = chart.direction_from(&from);
+            let specular = specular_max(reflectance, [wi, wo], 0.0);
             most = most.max(specular * solid_angle);
         }
     }
@@ -190,12 +208,13 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
 fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
     let [along, across, up] = CHART_BOXES;
     let charts = chart_boxes(frame, [across, up]);
+    let least = least_slope(&frame.chart.plane, frame.view.sample_half);
     let mut most = 0.0f64;
     for from in sample_boxes(frame.view.sample_half, along) {
         let directions: Vec<_> = charts.iter().map(|to| to.direction_from(&from)).collect();
         for wi in &directions {
             for wo in &directions {
-                most = most.max(specular_max(reflectance, *wi, *wo));
+                most = most.max(specular_max(reflectance, [*wi, *wo], least));
             }
         }
     }

@@ -1,7 +1,7 @@
 //! The bounds against brute force, and the higher orders against finer rules, in geometries drawn at random.
 
 use super::Unresolved;
-use super::bound::Bounds;
+use super::bound::{Bounds, least_slope};
 use super::bulb_arcs::PlainLineBatch;
 use super::bulb_transfer::{BulbRule, Scratch, from_bulb};
 use super::chart_transfer::{PositionBatch, add_from_chart};
@@ -20,7 +20,7 @@ use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::polygon::Rectangle;
 use crate::reflectance::Reflectance;
-use crate::scene::Scene;
+use crate::scene::{ChartPlane, Scene};
 use crate::vector::Vec3;
 use dataset::{
     Material, Specification,
@@ -117,6 +117,35 @@ proptest! {
             prop_assert!(order_1 <= bounds.order_1, "{} {:?}", order_1, bounds);
             prop_assert!(transfer <= bounds.transfer, "{} {:?}", transfer, bounds);
         }
+    }
+}
+
+proptest! {
+    /// Charts that lean over the sample included, for which the bound is 0.
+    #[test]
+    fn half_vectors_between_two_directions_to_the_chart_are_steep(
+        tilt_deg in 5.0..90.0f64, gap_m in 0.0..0.1f64, corner_z in 0.0..0.02f64, over in 0.0..1.0f64,
+        sample in prop::array::uniform2(-1.0..1.0f64), chart in prop::array::uniform4(0.0..1.0f64),
+    ) {
+        let (half, pitch) = (0.05, 0.01);
+        let (sin, cos) = libm::sincos(tilt_deg.to_radians());
+        let cos = if over > 0.8 { -cos } else { cos };
+        let plane = ChartPlane {
+            corner: Vec3::new(-0.03, half + gap_m, corner_z),
+            x: Vec3::new(1.0, 0.0, 0.0),
+            y: Vec3::new(0.0, cos, sin),
+            z: Vec3::new(0.0, -sin, cos),
+            pitch, columns: 6, rows: 4,
+        };
+        let [width, height] = plane.size();
+        let from = Vec3::new(half * sample[0], half * sample[1], 0.0);
+        let [a, b, c, d] = chart;
+        let [wi, wo] = [[a, b], [c, d]]
+            .map(|[a, b]| (plane.point(a * width, b * height) - from).normalized());
+        let sum = wi + wo;
+        let slope = libm::hypot(sum.x, sum.y) / sum.z;
+        let least = least_slope(&plane, half);
+        prop_assert!(slope >= least - 1e-9 * (1.0 + least), "{} {}", slope, least);
     }
 }
 
