@@ -38,7 +38,7 @@ struct Cap {
     axes: [Vec3; 2],
     /// The square of the map's radius.
     reach2: f64,
-    /// One and the cosine of the half angle, over twice the square of the axes' length.
+    /// One over the square of the axes' length.
     per_length2: f64,
     /// For a radiance of 1.
     irradiance: f64,
@@ -133,7 +133,7 @@ impl Bulb {
 }
 
 impl Cap {
-    /// The light of a share of its points, about one point of the unit disc.
+    /// The light of a share of the bulb from the place of a point of the unit disc.
     #[inline(always)]
     fn light(&self, [x, y]: [f64; 2], radiance: f64) -> Light {
         let ([a, b], c) = (&self.axes, &self.centre);
