@@ -23,7 +23,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let check = arguments.pop_if(|last| last == "check").is_some();
     let mut specification = Specification::preset();
     if let Some(last) = arguments.pop_if(|last| last.starts_with("relative=")) {
-        let relative: f64 = last["relative=".len()..].parse()?;
+        let relative = last["relative=".len()..].parse::<f64>();
+        let relative = relative.map_err(|error| format!("{last} is no tolerance: {error}"))?;
         specification.accuracy.absolute *= relative / specification.accuracy.relative;
         specification.accuracy.relative = relative;
     }

@@ -137,13 +137,16 @@ pub fn form_factor_max(plane: &ChartPlane) -> f64 {
 }
 
 /// The least slope of a half vector between two directions to the chart, from wherever on the sample: 0 for a chart
-/// that leans over the sample.
+/// that leans over the sample or begins over it.
 ///
 /// Both directions go toward +y, each by at least this for a unit of height, and so does their sum. From the
 /// sample's edge the chart stands steepest, at its lower or its upper end.
 pub fn least_slope(plane: &ChartPlane, half: f64) -> f64 {
     let [_, height] = plane.size();
     let (beside, above) = (plane.corner.y - half, plane.corner.z);
+    if beside < 0.0 || above < 0.0 {
+        return 0.0;
+    }
     let at_low = match (beside > 0.0, above > 0.0) {
         (_, true) => beside / above,
         (true, false) => f64::INFINITY,
