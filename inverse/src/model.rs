@@ -28,6 +28,15 @@ pub(crate) struct Model<'a> {
     pub renderings: u32,
 }
 
+/// To which sides of a place a variable is moved for its difference quotient.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sides {
+    /// Away from the nearer end of its range.
+    One,
+    /// Both, as far as its range goes: what is left out then falls with the square of the difference.
+    Both,
+}
+
 /// The images at some values of the variables.
 #[derive(Clone)]
 pub(crate) struct Evaluation {
@@ -128,46 +137,47 @@ impl Model<'_> {
         Ok(films)
     }
 
-    /// The derivatives of the residual by all variables, by differences to one side: a row for each
-    /// channel, a column for each variable. Parameters are moved by `difference`, away from the
-    /// nearer end of their range.
+    /// The derivatives of the residual by all variables: a row for each channel, a column for each
+    /// variable. Parameters are moved by `difference`.
     pub fn jacobian(
         &mut self,
         at: &Evaluation,
         difference: f64,
+        sides: Sides,
     ) -> Result<DMatrix<f64>, InverseError> {
+        let all: Vec<usize> = (0..self.views.len()).collect();
         let mut jacobian = DMatrix::zeros(at.residual.len(), self.variables());
         for variable in 0..self.variables() {
             let nuisance = variable.checked_sub(PARAMETERS);
-            let kind = nuisance.map(|index| self.nuisances[index].kind);
-            let column = match kind {
-                Some(Kind::Gain(place, channel)) => self.by_gain(at, variable, place, channel),
-                Some(Kind::CameraElevation(place)) => {
-                    self.quotient(at, variable, NUISANCE_DIFFERENCE_SD, &[place])?
+            let (difference, places) = match nuisance.map(|index| self.nuisances[index].kind) {
+                Some(Kind::Gain(place, channel)) => {
+                    let column = self.by_gain(at, variable, place, channel);
+                    jacobian.set_column(variable, &column);
+                    continue;
                 }
-                Some(_) => {
-                    let places: Vec<usize> = (0..self.views.len()).collect();
-                    self.quotient(at, variable, NUISANCE_DIFFERENCE_SD, &places)?
-                }
-                None => {
-                    let places: Vec<usize> = (0..self.views.len()).collect();
-                    self.quotient(at, variable, difference, &places)?
-                }
+                Some(Kind::CameraElevation(place)) => (NUISANCE_DIFFERENCE_SD, vec![place]),
+                Some(_) => (NUISANCE_DIFFERENCE_SD, all.clone()),
+                None => (difference, all.clone()),
             };
+            let column = self.quotient(at, variable, difference, sides, &places)?;
             jacobian.set_column(variable, &column);
         }
         Ok(jacobian)
     }
 
-    /// How many renderings [`Model::jacobian`] takes.
-    pub fn renderings_of_jacobian(&self) -> u32 {
+    /// How many renderings [`Model::jacobian`] takes at most.
+    pub fn renderings_of_jacobian(&self, sides: Sides) -> u32 {
         let views = self.views.len() as u32;
         let nuisances = self.nuisances.iter().map(|nuisance| match nuisance.kind {
             Kind::Gain(..) => 0,
             Kind::CameraElevation(_) => 1,
             Kind::LightElevation | Kind::LightDistance => views,
         });
-        PARAMETERS as u32 * views + nuisances.sum::<u32>()
+        let points = match sides {
+            Sides::One => 1,
+            Sides::Both => 2,
+        };
+        points * (PARAMETERS as u32 * views + nuisances.sum::<u32>())
     }
 
     /// The difference quotient of the residual by a variable that changes the views at `places`.
@@ -176,26 +186,56 @@ impl Model<'_> {
         at: &Evaluation,
         variable: usize,
         difference: f64,
+        sides: Sides,
         places: &[usize],
     ) -> Result<DVector<f64>, InverseError> {
+        let [low, high] = self.bounds(variable);
+        let value = at.variables[variable];
+        let by = match high - value >= value - low {
+            true => difference,
+            false => -difference,
+        };
+        let (change, way) = self.change(at, variable, by, places)?;
+        if sides == Sides::One {
+            return Ok(change / way);
+        }
+        let (back, way_back) = self.change(at, variable, -by, places)?;
+        if way_back == 0.0 {
+            return Ok(change / way);
+        }
+        // The slope of the parabola through all three.
+        let [here, there] = [way_back / way, way / way_back].map(|ratio| ratio / (way_back - way));
+        Ok(change * here - back * there)
+    }
+
+    /// What the residual changes by if a variable moves `by` so much, and how far it does: no farther than
+    /// to its bound.
+    fn change(
+        &mut self,
+        at: &Evaluation,
+        variable: usize,
+        by: f64,
+        places: &[usize],
+    ) -> Result<(DVector<f64>, f64), InverseError> {
+        let mut change = DVector::zeros(at.residual.len());
         let mut moved = at.variables.clone();
         let [low, high] = self.bounds(variable);
-        let value = moved[variable];
-        let up = high - value >= value - low;
-        moved[variable] = (value + if up { difference } else { -difference }).clamp(low, high);
-        let difference = moved[variable] - value;
+        moved[variable] = (at.variables[variable] + by).clamp(low, high);
+        let way = moved[variable] - at.variables[variable];
+        if way == 0.0 {
+            return Ok((change, way));
+        }
         let films = self.films(&moved, places)?;
         let gains = self.nuisance_values(&moved).gain;
-        let mut column = DVector::zeros(at.residual.len());
         let stride = self.stride();
         for (&place, film) in places.iter().zip(&films) {
             let observed = &self.observation.views()[place];
             let residual = self.residual(film, gains[place], observed);
             for (row, residual) in (place * stride..).zip(residual) {
-                column[row] = (residual - at.residual[row]) / difference;
+                change[row] = residual - at.residual[row];
             }
         }
-        Ok(column)
+        Ok((change, way))
     }
 
     fn by_gain(

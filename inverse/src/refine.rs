@@ -214,3 +214,140 @@ impl Refiner {
         Ok(of_parameters.into_owned())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::least_squares::{Quadratic, Region};
+    use crate::model::Sides;
+    use crate::{Encoding, ObservedView};
+    use nalgebra::{DMatrix, SymmetricEigen};
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    const BACKEND: BackendChoice = BackendChoice::Native;
+
+    /// The paper's pair.
+    const VIEWS: [u32; 2] = [5, 8];
+
+    /// The noise of every channel's code.
+    const NOISE_SD: f64 = 1.0 / 255.0;
+
+    fn preset() -> Specification {
+        let mut specification = Specification::preset();
+        (specification.image.width, specification.image.height) = (8, 8);
+        specification
+    }
+
+    /// The images of a material, with noise.
+    fn noisy(specification: &Specification, material: &Material, seed: u64) -> Observation {
+        let renderer = Renderer::new(specification, BACKEND).expect("views");
+        let mut draws = ChaCha8Rng::seed_from_u64(seed);
+        let mut uniform = || draws.next_u32() as f64 / f64::from(u32::MAX);
+        // Twelve uniform draws less six have a variance of 1.
+        let mut normal = || (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+        let views = VIEWS.map(|view| {
+            let film = renderer
+                .render(material, None, view)
+                .expect("an image")
+                .film;
+            let mut encode = |value| Encoding::Srgb.value(value) + NOISE_SD * normal();
+            let pixels = film.pixels.iter();
+            let codes = pixels.map(|pixel| pixel.value.map(&mut encode)).collect();
+            ObservedView::film(view, codes)
+        });
+        Observation::new(specification, Encoding::Srgb, views.into()).expect("images")
+    }
+
+    /// The images' derivatives, and the directions along which the noise is less than a tenth of the range.
+    struct Slopes {
+        jacobian: DMatrix<f64>,
+        /// By how much the images change along a direction of length 1, and the direction.
+        told: Vec<(f64, DVector<f64>)>,
+    }
+
+    impl Slopes {
+        fn new(specification: &Specification, material: &Material) -> Self {
+            let differentiator = Differentiator::new(specification, BACKEND).expect("views");
+            let views = differentiator.views(material, &VIEWS).expect("derivatives");
+            let column = |parameter| {
+                let pixels = views.iter();
+                let channels = pixels.flat_map(|view| view.encoded(parameter, Encoding::Srgb));
+                DVector::from_vec(channels.map(|[slope, _]| slope).collect())
+            };
+            let columns: Vec<DVector<f64>> = (0..PARAMETERS).map(column).collect();
+            let jacobian = DMatrix::from_columns(&columns);
+            let eigen = SymmetricEigen::new(jacobian.tr_mul(&jacobian));
+            let directions = eigen.eigenvectors.column_iter();
+            let change = eigen
+                .eigenvalues
+                .iter()
+                .map(|square| square.max(0.0).sqrt());
+            let told = change
+                .zip(directions.map(|direction| direction.into_owned()))
+                .filter(|(change, _)| *change > 10.0 * NOISE_SD)
+                .collect();
+            Self { jacobian, told }
+        }
+    }
+
+    /// By how much the best step inside the ranges lowers the cost of a fit, over the noise's variance.
+    fn promise(specification: &Specification, fit: &Fit<'_>) -> f64 {
+        let at = &fit.state.variables;
+        let slopes = Slopes::new(specification, &theta(at).material());
+        let quadratic = Quadratic::new(&slopes.jacobian, &fit.state.residual);
+        let bounds: Vec<[f64; 2]> = (0..at.len()).map(|v| fit.model.bounds(v)).collect();
+        let inside = Region {
+            at,
+            bounds: &bounds,
+            step_max: &vec![0.1; at.len()],
+        };
+        let step = quadratic.step(1e-7, &inside);
+        quadratic.reduction(&step) / (NOISE_SD * NOISE_SD)
+    }
+
+    /// Materials whose images change slowly along some direction that noise does not hide.
+    const MATERIALS: [u32; 3] = [3, 13, 22];
+
+    #[test]
+    fn differences_to_both_sides_tell_slow_directions() {
+        let specification = preset();
+        let refiner = Refiner::new(&specification, BACKEND, Settings::default()).expect("settings");
+        for index in MATERIALS {
+            let material = specification.material(index).material;
+            let observation = noisy(&specification, &material, 1);
+            let mut model = refiner.model(&observation).expect("a model");
+            let at = model
+                .evaluate(Theta::of(&material).0.to_vec())
+                .expect("images");
+            let slopes = Slopes::new(&specification, &material);
+            let mut worst = |difference, sides| {
+                let jacobian = model.jacobian(&at, difference, sides).expect("derivatives");
+                let off = slopes.told.iter().map(|(change, direction)| {
+                    ((&jacobian - &slopes.jacobian) * direction).norm() / change
+                });
+                off.fold(0.0, f64::max)
+            };
+            let [one, both] = [worst(0.01, Sides::One), worst(0.002, Sides::Both)];
+            assert!(one > 0.2 && both < 0.02, "material {index}: {one}, {both}");
+        }
+    }
+
+    /// Fits that end by differences to one side leave up to 4.9 of these (measured).
+    #[test]
+    fn a_noisy_fit_ends_where_no_step_promises_more() {
+        let specification = preset();
+        let settings = Settings::default();
+        let refiner = Refiner::new(&specification, BACKEND, settings).expect("settings");
+        for index in MATERIALS {
+            let material = specification.material(index).material;
+            let observation = noisy(&specification, &material, 2);
+            let model = refiner.model(&observation).expect("a model");
+            let mut fit = Fit::start(model, &settings, &Theta::of(&material)).expect("a start");
+            let stop = fit.run().expect("a fit");
+            let promise = promise(&specification, &fit);
+            assert_eq!(stop, Stop::Converged, "material {index}");
+            assert!(promise < 0.1, "material {index}: {promise}");
+        }
+    }
+}
