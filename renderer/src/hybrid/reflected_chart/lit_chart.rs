@@ -125,8 +125,10 @@ impl LitChart {
         plane.rows *= parts;
         let step = plane.pitch / (ACROSS_NODES - 1) as f64;
         let heights = Heights::new(&plane, gap);
-        let (mut patches, mut light, mut radiance) = (Vec::new(), Vec::new(), Vec::new());
-        for index in 0..(plane.columns * plane.rows) as usize {
+        let count = (plane.columns * plane.rows) as usize;
+        let mut patches = Vec::with_capacity(count);
+        let (mut light, mut radiance) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for index in 0..count {
             let [column, row] = plane.cell(index);
             let colour = chart.patches[chart.plane.patch(column / parts, row / parts)];
             patches.push(colour);
