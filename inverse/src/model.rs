@@ -180,7 +180,8 @@ impl Model<'_> {
         points * (PARAMETERS as u32 * views + nuisances.sum::<u32>())
     }
 
-    /// The difference quotient of the residual by a variable that changes the views at `places`.
+    /// The difference quotient of the residual by a variable that changes the views at `places`: 0 for one that
+    /// cannot move.
     fn quotient(
         &mut self,
         at: &Evaluation,
@@ -195,39 +196,45 @@ impl Model<'_> {
             true => difference,
             false => -difference,
         };
-        let (change, way) = self.change(at, variable, by, places)?;
-        if sides == Sides::One {
-            return Ok(change / way);
-        }
-        let (back, way_back) = self.change(at, variable, -by, places)?;
-        if way_back == 0.0 {
-            return Ok(change / way);
-        }
-        // The slope of the parabola through all three.
-        let [here, there] = [way_back / way, way / way_back].map(|ratio| ratio / (way_back - way));
-        Ok(change * here - back * there)
+        let first = self.change(at, variable, by, places)?;
+        let second = match (sides, &first) {
+            (Sides::One, Some(_)) => None,
+            _ => self.change(at, variable, -by, places)?,
+        };
+        Ok(match (first, second) {
+            // The slope of the parabola through all three.
+            (Some((there, way)), Some((back, way_back))) => {
+                let per_length = 1.0 / (way_back - way);
+                there * (way_back / way * per_length) - back * (way / way_back * per_length)
+            }
+            (Some((change, way)), None) | (None, Some((change, way))) => change / way,
+            (None, None) => DVector::zeros(at.residual.len()),
+        })
     }
 
-    /// What the residual changes by if a variable moves `by` so much, and how far it does: no farther than
-    /// to its bound.
+    /// What the residual changes by if a variable moves `by` so much, and how far it does: no farther than to its
+    /// bound. `None` where it cannot, or where the specification does not admit what it leads to.
     fn change(
         &mut self,
         at: &Evaluation,
         variable: usize,
         by: f64,
         places: &[usize],
-    ) -> Result<(DVector<f64>, f64), InverseError> {
-        let mut change = DVector::zeros(at.residual.len());
+    ) -> Result<Option<(DVector<f64>, f64)>, InverseError> {
         let mut moved = at.variables.clone();
         let [low, high] = self.bounds(variable);
         moved[variable] = (at.variables[variable] + by).clamp(low, high);
         let way = moved[variable] - at.variables[variable];
         if way == 0.0 {
-            return Ok((change, way));
+            return Ok(None);
         }
-        let films = self.films(&moved, places)?;
+        let films = match self.films(&moved, places) {
+            Err(InverseError::Specification(_)) => return Ok(None),
+            films => films?,
+        };
         let gains = self.nuisance_values(&moved).gain;
         let stride = self.stride();
+        let mut change = DVector::zeros(at.residual.len());
         for (&place, film) in places.iter().zip(&films) {
             let observed = &self.observation.views()[place];
             let residual = self.residual(film, gains[place], observed);
@@ -235,7 +242,7 @@ impl Model<'_> {
                 change[row] = residual - at.residual[row];
             }
         }
-        Ok((change, way))
+        Ok(Some((change, way)))
     }
 
     fn by_gain(

@@ -350,4 +350,25 @@ mod tests {
             assert!(promise < 0.1, "material {index}: {promise}");
         }
     }
+
+    /// A light as far away as a specification admits can only come nearer.
+    #[test]
+    fn a_light_at_the_limit_is_moved_to_the_side_that_is_admitted() {
+        let mut specification = preset();
+        specification.light.distance_m = *limits::DISTANCE_M.end();
+        let settings = Settings {
+            nuisances: crate::Nuisances {
+                light_distance: Some(0.05),
+                ..crate::Nuisances::default()
+            },
+            ..Settings::default()
+        };
+        let refiner = Refiner::new(&specification, BACKEND, settings).expect("settings");
+        let material = specification.material(5).material;
+        let observation = noisy(&specification, &material, 3);
+        let found = refiner.refine_from(&observation, &material);
+        let found = found.expect("no derivative asks for a light that is too far away");
+        assert_eq!(found.stop, Stop::Converged);
+        assert!(found.nuisances.light_distance <= 1.0);
+    }
 }
