@@ -14,7 +14,7 @@ use crate::error::InverseError;
 use crate::observation::check_views;
 use crate::parameters::{PARAMETERS, Theta};
 use crate::steps::{self, Point};
-use dataset::{Material, Specification, sin_cos_deg};
+use dataset::{Material, Specification};
 use renderer::{Renderer, film::FilmPixel, geometry::BackendChoice};
 
 /// Derivatives of this many units of white over a parameter's range are notable.
@@ -169,11 +169,7 @@ impl Differentiator {
         base: &[&[FilmPixel]],
         shorter: f64,
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
-        let cosines = views.iter().filter_map(|&view| {
-            let view = self.specification.views.get(view as usize)?;
-            Some(sin_cos_deg(view.camera_elevation_deg).0)
-        });
-        let cosines: Vec<f64> = cosines.collect();
+        let cosines = steps::cosines(&self.specification, views);
         let Specification { tint, accuracy, .. } = &self.specification;
         let share = shorter * steps::share(accuracy);
         let Some(stencil) = steps::stencil(theta, parameter, &cosines, *tint, share) else {

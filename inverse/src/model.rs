@@ -5,6 +5,7 @@ use crate::error::InverseError;
 use crate::nuisance::{self, Kind, Nuisance, NuisanceValues};
 use crate::observation::{Observation, ObservedView};
 use crate::parameters::{ANGLE, PARAMETERS, Theta};
+use crate::steps;
 use dataset::{Material, Specification};
 use nalgebra::{DMatrix, DVector};
 use renderer::{Renderer, geometry::BackendChoice};
@@ -138,7 +139,7 @@ impl Model<'_> {
     }
 
     /// The derivatives of the residual by all variables: a row for each channel, a column for each
-    /// variable. Parameters are moved by `difference`.
+    /// variable. To one side parameters are moved by `difference`.
     pub fn jacobian(
         &mut self,
         at: &Evaluation,
@@ -149,17 +150,17 @@ impl Model<'_> {
         let mut jacobian = DMatrix::zeros(at.residual.len(), self.variables());
         for variable in 0..self.variables() {
             let nuisance = variable.checked_sub(PARAMETERS);
-            let (difference, places) = match nuisance.map(|index| self.nuisances[index].kind) {
-                Some(Kind::Gain(place, channel)) => {
-                    let column = self.by_gain(at, variable, place, channel);
-                    jacobian.set_column(variable, &column);
-                    continue;
+            let kind = nuisance.map(|index| self.nuisances[index].kind);
+            let by_nuisance = NUISANCE_DIFFERENCE_SD;
+            let column = match (kind, sides) {
+                (Some(Kind::Gain(place, channel)), _) => self.by_gain(at, variable, place, channel),
+                (Some(Kind::CameraElevation(place)), _) => {
+                    self.quotient(at, variable, by_nuisance, sides, &[place])?
                 }
-                Some(Kind::CameraElevation(place)) => (NUISANCE_DIFFERENCE_SD, vec![place]),
-                Some(_) => (NUISANCE_DIFFERENCE_SD, all.clone()),
-                None => (difference, all.clone()),
+                (Some(_), _) => self.quotient(at, variable, by_nuisance, sides, &all)?,
+                (None, Sides::One) => self.quotient(at, variable, difference, sides, &all)?,
+                (None, Sides::Both) => self.by_parameter(at, variable, &all)?,
             };
-            let column = self.quotient(at, variable, difference, sides, &places)?;
             jacobian.set_column(variable, &column);
         }
         Ok(jacobian)
@@ -243,6 +244,58 @@ impl Model<'_> {
             }
         }
         Ok(Some((change, way)))
+    }
+
+    /// The derivative by a parameter from differences to both sides, where ranges and kinks of the model allow it: those
+    /// of linear pixels, over half of [`crate::Differentiator`]'s steps, times the encoding's slope. 0 where there is
+    /// no derivative.
+    fn by_parameter(
+        &mut self,
+        at: &Evaluation,
+        parameter: usize,
+        places: &[usize],
+    ) -> Result<DVector<f64>, InverseError> {
+        let mut column = DVector::zeros(at.residual.len());
+        let Specification { tint, accuracy, .. } = self.specification;
+        let cosines = steps::cosines(self.specification, &self.views);
+        let share = steps::share(accuracy);
+        let here = theta(&at.variables);
+        let Some(stencil) = steps::stencil(&here, parameter, &cosines, *tint, share) else {
+            return Ok(column);
+        };
+        for point in stencil.points.iter().filter(|point| point.fine != 0.0) {
+            let films = match point.is_base {
+                true => at.films.clone(),
+                false => {
+                    let mut moved = at.variables.clone();
+                    moved[..PARAMETERS].copy_from_slice(&point.theta.0);
+                    self.films(&moved, places)?
+                }
+            };
+            for (&place, film) in places.iter().zip(&films) {
+                let slopes = self.slopes(at, place);
+                let first = place * self.stride();
+                for (row, (value, slope)) in film.as_flattened().iter().zip(slopes).enumerate() {
+                    column[first + row] += point.fine * slope * value;
+                }
+            }
+        }
+        Ok(column)
+    }
+
+    /// The slope of each code of an image by the linear value before gain; 0 of pixels that do not count.
+    fn slopes(&self, at: &Evaluation, place: usize) -> impl Iterator<Item = f64> {
+        let observed = &self.observation.views()[place];
+        let gain = self.nuisance_values(&at.variables).gain[place];
+        let gain: [f64; 3] = std::array::from_fn(|channel| gain[channel] * observed.gain[channel]);
+        let encoding = self.observation.encoding();
+        let pixels = at.films[place].iter().zip(&observed.counts);
+        pixels.flat_map(move |(pixel, counts)| {
+            std::array::from_fn::<f64, 3, _>(|channel| match counts {
+                true => gain[channel] * encoding.derivative(gain[channel] * pixel[channel]),
+                false => 0.0,
+            })
+        })
     }
 
     fn by_gain(

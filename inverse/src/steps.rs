@@ -6,8 +6,8 @@
 
 use crate::encoding::Encoding;
 use crate::parameters::{ANGLE, ANISOTROPY, IOR, PARAMETERS, RGB0, RGB90, ROUGHNESS, Theta};
-use dataset::colour;
 use dataset::specification::{Accuracy, Tint};
+use dataset::{Specification, colour, sin_cos_deg};
 use std::f64::consts::PI;
 
 /// The step of every parameter as a share of its length, for renderings of [`ACCURACY`], which are
@@ -81,6 +81,15 @@ struct Coordinate {
     /// The image is smooth between these.
     piece: [f64; 2],
     step: f64,
+}
+
+/// The cosines under which the cameras of views see the sample's centre.
+pub(crate) fn cosines(specification: &Specification, views: &[u32]) -> Vec<f64> {
+    let cosine = |&view: &u32| {
+        let view = specification.views.get(view as usize)?;
+        Some(sin_cos_deg(view.camera_elevation_deg).0)
+    };
+    views.iter().filter_map(cosine).collect()
 }
 
 /// The stencil of a parameter at `theta`, for views whose cameras see the sample's centre at these
@@ -248,7 +257,7 @@ pub(crate) const RENDERINGS_MAX: usize = 1 + 2 * 4 * PARAMETERS;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::{HARD_CASES, Specification};
+    use dataset::HARD_CASES;
 
     /// Weights applied to powers of the coordinate's distance.
     #[test]

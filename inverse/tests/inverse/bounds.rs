@@ -23,6 +23,9 @@ const BOUND_MAX: f64 = 0.05;
 /// this.
 const CURVATURE_MAX: f64 = 0.1;
 
+/// And where standard deviations ([`Bench::sway`]) become no more than this many times as large or as small. Chosen.
+const SWAY_MAX: f64 = 1.25;
+
 /// And as linear where [`Bench::dragging`] is below this: by so much to either side at random, a spread
 /// grows by an eighth.
 const DRAGGING_MAX: f64 = 0.5;
@@ -45,6 +48,8 @@ struct Spread {
     /// See [`Bench::curvature`]; infinite where two standard deviations leave a range, and where
     /// less than [`DETERMINED_LEAST`] of the bound is of directions that images tell well.
     curvature: f64,
+    /// See [`Bench::sway`].
+    sway: f64,
     /// See [`Bench::dragging`].
     dragging: f64,
     /// Over the copies.
@@ -54,7 +59,7 @@ struct Spread {
 
 impl Spread {
     fn is_linear(&self) -> bool {
-        self.curvature <= CURVATURE_MAX && self.dragging <= DRAGGING_MAX
+        self.curvature <= CURVATURE_MAX && self.sway <= SWAY_MAX && self.dragging <= DRAGGING_MAX
     }
 
     fn line(&self) -> String {
@@ -62,6 +67,7 @@ impl Spread {
             parameter,
             bound,
             curvature,
+            sway,
             dragging,
             mean,
             sd,
@@ -69,7 +75,7 @@ impl Spread {
         let name = NAMES[*parameter];
         format!(
             "{name}: bound {bound:.2e}, spread {sd:.2e}, ratio {:.3}, mean {mean:.1e}, curvature \
-             {curvature:.1e}, dragging {dragging:.1e}",
+             {curvature:.1e}, sway {sway:.2}, dragging {dragging:.1e}",
             sd / bound
         )
     }
@@ -100,7 +106,8 @@ impl Bench {
         let derivatives = derivatives.expect("derivatives");
         let tangent = Tangent::new(&derivatives);
         let deviations = self.deviations(truth, copies, seed);
-        let dragging = self.dragging(truth, &tangent);
+        let (dragging, wandered) = self.dragging(truth, &tangent);
+        let sway = self.sway(&tangent, &wandered);
         let bounded = bounds(&derivatives).into_iter().enumerate();
         bounded
             .filter(|(_, bound)| *bound <= BOUND_MAX)
@@ -112,11 +119,11 @@ impl Bench {
                 Spread {
                     parameter,
                     bound,
-                    curvature: if determined {
-                        self.curvature(truth, &tangent, parameter)
-                    } else {
-                        f64::INFINITY
+                    curvature: match determined {
+                        true => self.curvature(truth, &tangent, parameter),
+                        false => f64::INFINITY,
                     },
+                    sway: sway[parameter],
                     dragging: dragging[parameter],
                     mean,
                     sd: (squares / (copies - 1) as f64).sqrt(),
@@ -164,20 +171,37 @@ impl Bench {
         sides[0].max(sides[1])
     }
 
+    /// By which factor each parameter's standard deviation is larger or smaller at most at the `wandered` places. The
+    /// angle is known the better the larger the anisotropy is, which images may not tell.
+    fn sway(&self, tangent: &Tangent, wandered: &[Theta]) -> [f64; PARAMETERS] {
+        let mut most = [1.0_f64; PARAMETERS];
+        for place in wandered {
+            let views = self.differentiator.views(&place.material(), &VIEWS);
+            let there = Tangent::new(&views.expect("derivatives"));
+            for (parameter, most) in most.iter_mut().enumerate() {
+                let factor = there.sd(parameter) / tangent.sd(parameter);
+                *most = most.max(factor).max(1.0 / factor);
+            }
+        }
+        most
+    }
+
     /// By how many of its standard deviations each parameter shifts at the most while estimates
     /// wander along directions that the images do not tell to first order. A common factor of the
     /// colours shifts none. A small anisotropy, of which the third power widens the lobe, goes unseen
     /// itself and drags the roughness along.
-    fn dragging(&self, truth: &Material, tangent: &Tangent) -> [f64; PARAMETERS] {
+    /// Also the farthest places.
+    fn dragging(&self, truth: &Material, tangent: &Tangent) -> ([f64; PARAMETERS], Vec<Theta>) {
         let theta = Theta::of(truth);
         let here = self.codes(&theta);
-        let mut most = [0.0_f64; PARAMETERS];
+        let (mut most, mut wandered) = ([0.0_f64; PARAMETERS], Vec::new());
         for direction in &tangent.untold {
             for sign in [-1.0, 1.0] {
-                let mut way = WANDERING_LEAST;
+                let (mut way, mut farthest) = (WANDERING_LEAST, None);
                 while way <= 1.0 {
-                    let at = |other| theta.0[other] + sign * way * direction[other];
-                    let change = self.codes(&Theta(std::array::from_fn(at))) - &here;
+                    let at = |other: usize| theta.0[other] + sign * way * direction[other];
+                    let place = Theta(std::array::from_fn(at));
+                    let change = self.codes(&place) - &here;
                     let shift = tangent.shift(&change);
                     if (change - &tangent.jacobian * &shift).norm() > WANDERING_MAX * NOISE_SD {
                         break;
@@ -185,11 +209,13 @@ impl Bench {
                     for (parameter, most) in most.iter_mut().enumerate() {
                         *most = most.max(shift[parameter].abs() / tangent.sd(parameter));
                     }
+                    farthest = Some(place);
                     way *= 2.0;
                 }
+                wandered.extend(farthest);
             }
         }
-        most
+        (most, wandered)
     }
 
     fn codes(&self, theta: &Theta) -> DVector<f64> {
