@@ -246,9 +246,9 @@ impl Model<'_> {
         Ok(Some((change, way)))
     }
 
-    /// The derivative by a parameter from differences to both sides, where ranges and kinks of the model allow it: those
-    /// of linear pixels, over half of [`crate::Differentiator`]'s steps, times the encoding's slope. 0 where there is
-    /// no derivative.
+    /// The derivative by a parameter from differences to both sides, where ranges and kinks of the model allow
+    /// it: those of linear pixels, over half of [`crate::Differentiator`]'s steps, times the encoding's slope. 0
+    /// where there is no derivative.
     fn by_parameter(
         &mut self,
         at: &Evaluation,
