@@ -189,8 +189,7 @@ impl Bench {
     /// By how many of its standard deviations each parameter shifts at the most while estimates
     /// wander along directions that the images do not tell to first order. A common factor of the
     /// colours shifts none. A small anisotropy, of which the third power widens the lobe, goes unseen
-    /// itself and drags the roughness along.
-    /// Also the farthest places.
+    /// itself and drags the roughness along. Also gives the farthest places.
     fn dragging(&self, truth: &Material, tangent: &Tangent) -> ([f64; PARAMETERS], Vec<Theta>) {
         let theta = Theta::of(truth);
         let here = self.codes(&theta);
