@@ -12,6 +12,11 @@
 # with extrapolated differences of images rendered to TIGHT (1e-4), over all views of the hard cases
 # and of MATERIALS (50).
 #
+#   tests/inverse.sh starts [MATERIALS [FIRST]]
+#
+# Fits noisy pairs of photographs of each of MATERIALS (80), from the nearest of 300 others, and counts
+# the fits that end above the truth's cost.
+#
 # FIRST (0) is how many materials, or cases, an earlier run has done.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -24,6 +29,9 @@ case "${1:-}" in
     export BRDFARM_MATERIALS="${2:-50}" BRDFARM_SIDE="${3:-16}"
     export BRDFARM_ACCURACY="${4:-1e-3}" BRDFARM_TIGHT_ACCURACY="${5:-1e-4}"
     export BRDFARM_FIRST="${6:-0}"
+    ;;
+  starts)
+    export BRDFARM_MATERIALS="${2:-80}" BRDFARM_FIRST="${3:-0}"
     ;;
   *)
     sed -n '2,/^set /{/^#/p}' "$0" >&2

@@ -9,3 +9,4 @@ mod bounds;
 mod derivatives;
 mod refine;
 mod scene;
+mod starts;
