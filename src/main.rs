@@ -14,6 +14,7 @@ mod estimate;
 mod evaluate;
 mod failure;
 mod farm_mode;
+mod heap;
 mod jobs;
 mod jobs_resolve;
 mod open_files;
@@ -105,6 +106,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    heap::limit_arenas();
     let outcome = telemetry::start(&cli.telemetry).and_then(|()| match cli.command {
         Command::Run(options) => run::execute(&options),
         Command::Coordinator(command) => coordinator_serve::execute(&command),

@@ -367,3 +367,54 @@ fn python_reads_what_leaves_the_farm() {
     );
     assert!(said.contains("42 images"), "{said}");
 }
+
+/// The most arenas of threads that the heap of a run has at one time: pieces of 64 MiB that begin at a
+/// multiple of their size, of which only the beginning is in use.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn arenas_of_a_run(variables: &[(&str, &str)]) -> usize {
+    const ARENA_BYTES: u64 = 64 << 20;
+    let place = workplace();
+    let mut command = brdfarm(place.path());
+    command.args(["run", "--spec", "spec.toml", "--workers", "4"]);
+    command.envs(variables.iter().copied());
+    let mut child = command
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("brdfarm runs");
+    let maps = PathBuf::from(format!("/proc/{}/maps", child.id()));
+    let is_arena = |[used, rest]: &[(u64, u64, bool); 2]| {
+        let (start, is_writable) = (used.0, used.2);
+        let is_whole = rest.1 == start + ARENA_BYTES && rest.0 == used.1;
+        start % ARENA_BYTES == 0 && is_writable && !rest.2 && is_whole
+    };
+    let mut most = 0;
+    while child.try_wait().expect("a child").is_none() {
+        let maps = fs::read_to_string(&maps).unwrap_or_default();
+        let ranges: Vec<(u64, u64, bool)> = maps.lines().filter_map(mapping).collect();
+        most = most.max(ranges.array_windows().filter(|pair| is_arena(pair)).count());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(child.wait().expect("a child").success());
+    most
+}
+
+/// Start, end, and whether it can be written, of a line of `/proc/PID/maps`.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+fn mapping(line: &str) -> Option<(u64, u64, bool)> {
+    let (range, rest) = line.split_once(' ')?;
+    let (start, end) = range.split_once('-')?;
+    let number = |text| u64::from_str_radix(text, 16).ok();
+    Some((number(start)?, number(end)?, rest.starts_with("rw")))
+}
+
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+#[test]
+fn the_heap_has_no_more_arenas_than_there_are_cores() {
+    let cores = std::thread::available_parallelism().expect("cores").get();
+    let more = (4 * cores).to_string();
+    let freely = arenas_of_a_run(&[("MALLOC_ARENA_MAX", &more)]);
+    let limited = arenas_of_a_run(&[]);
+    assert!(freely > cores, "{freely} arenas where {more} are allowed");
+    assert!(limited <= cores, "{limited} arenas on {cores} cores");
+}
