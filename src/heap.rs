@@ -11,10 +11,7 @@ pub fn limit_arenas() {
     if std::env::var_os("MALLOC_ARENA_MAX").is_some() {
         return;
     }
-    let arenas = i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX);
-    if !set_arena_max(arenas) {
-        tracing::debug!(arenas, "the C library does not limit its arenas");
-    }
+    set_arena_max(i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX));
 }
 
 /// Other C libraries have no such arenas.
@@ -23,7 +20,8 @@ pub fn limit_arenas() {}
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[allow(unsafe_code, reason = "a parameter of the C library")]
-fn set_arena_max(arenas: i32) -> bool {
-    // SAFETY: mallopt takes two numbers by value and locks what it changes.
-    unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas) == 1 }
+fn set_arena_max(arenas: i32) {
+    // SAFETY: mallopt takes two numbers by value and locks what it changes. Where it refuses, arenas are as
+    // many as they were.
+    unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas) };
 }

@@ -103,7 +103,7 @@ fn ends(indices: std::ops::Range<u32>) -> Vec<Ended> {
     indices.into_par_iter().map(fit).collect()
 }
 
-/// Fits of before that ended by damped promises and differences to one side left two of these above the truth.
+/// Fits that ended by damped promises and differences to one side left two of these above the truth.
 #[test]
 fn fits_from_the_nearest_of_many_end_at_the_truth() {
     for ended in ends(1..4) {
