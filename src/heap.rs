@@ -3,15 +3,16 @@
 /// Lets the heap have as many arenas as the machine has cores.
 ///
 /// The GNU C library gives each thread an arena of its own, up to eight for each core. What one thread
-/// frees in its arena no other can use, and the many threads that take turns here keep the most that each
-/// of them ever had. Measured on two cores, over 300 materials: 47 MB at most for 54, in the same time.
-/// `MALLOC_ARENA_MAX` in the environment takes precedence.
+/// frees, threads of other arenas cannot use, so each arena keeps the most that it ever had. Measured on
+/// two cores: 300 materials take 47 MB instead of 54, in the same time. A limit in the environment takes
+/// precedence.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 pub fn limit_arenas() {
-    if std::env::var_os("MALLOC_ARENA_MAX").is_some() {
-        return;
+    let tunables = std::env::var("GLIBC_TUNABLES").unwrap_or_default();
+    let is_set = tunables.contains("glibc.malloc.arena_max");
+    if !is_set && std::env::var_os("MALLOC_ARENA_MAX").is_none() {
+        set_arena_max(i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX));
     }
-    set_arena_max(i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX));
 }
 
 /// Other C libraries have no such arenas.

@@ -377,6 +377,7 @@ fn arenas_of_a_run(variables: &[(&str, &str)]) -> usize {
     let mut command = brdfarm(place.path());
     command.args(["run", "--spec", "spec.toml", "--workers", "4"]);
     command.env_remove("MALLOC_ARENA_MAX");
+    command.env_remove("GLIBC_TUNABLES");
     command.envs(variables.iter().copied());
     let mut child = command
         .stdout(Stdio::null())
@@ -414,8 +415,11 @@ fn mapping(line: &str) -> Option<(u64, u64, bool)> {
 fn the_heap_has_no_more_arenas_than_there_are_cores() {
     let cores = std::thread::available_parallelism().expect("cores").get();
     let more = (4 * cores).to_string();
-    let freely = arenas_of_a_run(&[("MALLOC_ARENA_MAX", &more)]);
+    let tunable = format!("glibc.malloc.arena_max={more}");
+    for variable in [("MALLOC_ARENA_MAX", &more), ("GLIBC_TUNABLES", &tunable)] {
+        let freely = arenas_of_a_run(&[(variable.0, variable.1)]);
+        assert!(freely > cores, "{freely} arenas where {more} are allowed");
+    }
     let limited = arenas_of_a_run(&[]);
-    assert!(freely > cores, "{freely} arenas where {more} are allowed");
     assert!(limited <= cores, "{limited} arenas on {cores} cores");
 }

@@ -1,7 +1,8 @@
 //! Materials found again from their own images, with and without noise.
 
 use crate::scene::{
-    BACKEND, Draws, code_error, films, median, median_material, observe, perturbed, preset,
+    BACKEND, Draws, code_error, eight_bits, films, median, median_material, observe, perturbed,
+    preset,
 };
 use dataset::Material;
 use inverse::{Encoding, Nuisances, Refined, Refiner, Settings, Stop, Theta};
@@ -37,10 +38,7 @@ fn refined(index: u32, noise: Noise, perturbation: f64, judged: &[u32]) -> (f64,
         Encoding::Srgb,
         |code| match noise {
             Noise::None => code,
-            Noise::EightBits(sd) => {
-                let noisy = 255.0 * code + sd * draws.normal();
-                noisy.round().clamp(0.0, 255.0) / 255.0
-            }
+            Noise::EightBits(sd) => eight_bits(code, sd, &mut draws),
         },
     );
     let refiner = Refiner::new(&specification, BACKEND, Settings::default()).expect("settings");

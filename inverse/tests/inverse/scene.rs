@@ -79,6 +79,12 @@ pub fn observe(
     Observation::new(specification, encoding, observed.collect()).expect("finite images")
 }
 
+/// A code with noise of this standard deviation in steps of 8 bits, rounded to 8 bits.
+pub fn eight_bits(code: f64, sd: f64, draws: &mut Draws) -> f64 {
+    let noisy = 255.0 * code + sd * draws.normal();
+    noisy.round().clamp(0.0, 255.0) / 255.0
+}
+
 /// The material in the middle of all ranges.
 pub fn median_material() -> Material {
     Theta([0.5; 10]).material()

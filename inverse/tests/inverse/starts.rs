@@ -3,11 +3,12 @@
 //! At the truth a fit's cost is the noise's. The best fit costs no more, so one that ends above has stopped in
 //! another valley, or on the way.
 
-use crate::scene::{BACKEND, Draws, films, from_environment, median, observe, preset};
+use crate::scene::{BACKEND, Draws, eight_bits, films, from_environment, median, observe, preset};
 use dataset::{Material, Specification};
 use inverse::{Encoding, Observation, Refiner, Settings};
 use rayon::prelude::*;
 use renderer::Renderer;
+use std::ops::Range;
 
 /// The paper's pair.
 const VIEWS: [u32; 2] = [5, 8];
@@ -15,8 +16,8 @@ const VIEWS: [u32; 2] = [5, 8];
 /// Standard deviation of the noise in 8-bit codes.
 const NOISE_CODES: f64 = 4.0;
 
-/// Materials of which the nearest is the start. Their indices follow those that are fitted.
-const STARTS: u32 = 300;
+/// Materials of which the nearest is the start, beyond those of the dataset.
+const STARTS: Range<u32> = 100_000..100_300;
 
 /// A fit that explains its images as well as the truth does may still end above it by this many times
 /// the cost of one channel: noise makes fits stop a little early. Chosen.
@@ -55,18 +56,16 @@ fn photographs(specification: &Specification, renderer: &Renderer, index: u32) -
     let images = films(renderer, &truth, &VIEWS);
     let mut draws = Draws::new(u64::from(index));
     observe(specification, &images, &VIEWS, Encoding::Srgb, |code| {
-        let noisy = 255.0 * code + NOISE_CODES * draws.normal();
-        noisy.round().clamp(0.0, 255.0) / 255.0
+        eight_bits(code, NOISE_CODES, &mut draws)
     })
 }
 
 /// Fits each of `indices` from the nearest of [`STARTS`] materials.
-fn ends(indices: std::ops::Range<u32>) -> Vec<Ended> {
+fn ends(indices: Range<u32>) -> Vec<Ended> {
     let specification = preset(16, 3e-3);
     let renderer = Renderer::new(&specification, BACKEND).expect("views");
     let refiner = Refiner::new(&specification, BACKEND, Settings::default()).expect("settings");
-    let others = 100_000..100_000 + STARTS;
-    let candidates: Vec<Material> = others
+    let candidates: Vec<Material> = STARTS
         .map(|index| specification.material(index).material)
         .collect();
     let coded = |material: &Material| -> Vec<f64> {
