@@ -26,4 +26,4 @@ pub mod warp;
 pub use exr_file::{ExrError, decode as decode_exr, encode as encode_exr};
 pub use numerics::instructions::Instructions;
 pub use phase_time::PhaseTime;
-pub use render::{RenderError, Renderer, Rendering};
+pub use render::{Discretization, RenderError, Renderer, Rendering};

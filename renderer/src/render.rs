@@ -4,8 +4,8 @@ use crate::aov;
 use crate::exr_file::{self, ExrError};
 use crate::film::Film;
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
-use crate::hybrid::interreflection::cache::InterreflectionCache;
-use crate::hybrid::{PreparedView, Unresolved};
+use crate::hybrid::interreflection::cache::{InterreflectionCache, Key};
+use crate::hybrid::{Interreflection, PreparedView, Unresolved};
 use crate::numerics::instructions::Instructions;
 use crate::path;
 use crate::phase_time::{PhaseTime, timed};
@@ -13,8 +13,10 @@ use crate::reflectance::Reflectance;
 use crate::scene::{SampleSurface, Scene};
 use dataset::{
     Digest, ErrorStatistics, ImageHeader, Material, MaterialError, PixelStatistics,
-    RENDERER_VERSION, Specification, specification::IntegratorKind,
+    RENDERER_VERSION, Specification,
+    specification::{IntegratorKind, View},
 };
+use std::sync::Arc;
 
 /// Renders views of materials under one specification. The scenes of all views are built once.
 #[derive(Debug)]
@@ -55,6 +57,16 @@ pub struct Rendering {
     pub pixels: PixelStatistics,
     /// What each phase took, in the order in which they ran.
     pub phases: Vec<PhaseTime>,
+}
+
+/// How a view of a material is worked out, for films of materials beside it: [`Renderer::film_like`].
+#[derive(Clone, Debug)]
+pub struct Discretization {
+    view: u32,
+    material: Material,
+    reflectance: Reflectance,
+    /// `None` without chart, and where it is not worked out.
+    interreflection: Option<Arc<Interreflection>>,
 }
 
 /// Why a view could not be rendered.
@@ -151,15 +163,6 @@ impl Renderer {
         view: u32,
     ) -> Result<Rendering, RenderError> {
         material.check()?;
-        let (Some(view_to_render), Some(view_specification)) = (
-            self.views.get(view as usize),
-            self.specification.views.get(view as usize),
-        ) else {
-            return Err(RenderError::NoSuchView {
-                view,
-                count: self.views.len(),
-            });
-        };
         let header = ImageHeader {
             specification: self.specification_hash.to_string(),
             seed: self.specification.seed,
@@ -169,21 +172,9 @@ impl Renderer {
             tint: self.specification.tint,
             renderer_version: RENDERER_VERSION.to_owned(),
         };
-        let key = sampler_key(&header);
-        let rotation_deg = view_specification.rotation_deg;
-        let reflectance = Reflectance::new(material, rotation_deg, self.specification.tint);
-        let angles_deg = [rotation_deg, view_specification.light_elevation_deg];
-        let worked_out = view_to_render.prepared.as_ref().and_then(|prepared| {
-            self.work_out(prepared, material, &reflectance, angles_deg)
-                .ok()
-        });
-        let integrator = match worked_out {
-            None if !self.is_traced_to_accuracy() => IntegratorKind::Path,
-            _ => IntegratorKind::Hybrid,
-        };
-        let (film, samples, evaluations, mut phases) =
-            worked_out.unwrap_or_else(|| self.trace(&view_to_render.scene, &reflectance, key));
-        check_pixels(&film, view)?;
+        let key = sampler_key(header.seed, material_index, view);
+        let (integrator, work) = self.film(material, view, key, None)?;
+        let (film, samples, evaluations, mut phases) = work;
         let exr = timed(&mut phases, "encode", || {
             exr_file::encode(
                 &film,
@@ -201,6 +192,85 @@ impl Renderer {
             film,
             phases,
         })
+    }
+
+    /// How a view of `material` is worked out.
+    ///
+    /// # Errors
+    /// When the view does not exist or a parameter lies outside the model.
+    pub fn discretization(
+        &self,
+        material: &Material,
+        view: u32,
+    ) -> Result<Discretization, RenderError> {
+        material.check()?;
+        let (to_render, of_view) = self.view(view)?;
+        let reflectance = Reflectance::new(material, of_view.rotation_deg, self.specification.tint);
+        let interreflection = to_render.prepared.as_ref().and_then(|prepared| {
+            let found = self.interreflection(prepared, (material, &reflectance), of_view, None);
+            found.ok().flatten()
+        });
+        Ok(Discretization {
+            view,
+            material: *material,
+            reflectance,
+            interreflection,
+        })
+    }
+
+    /// The film of the view of a discretization, for a material beside the one that it is of.
+    ///
+    /// A material's own tiles and rules of interreflection are chosen by what they are found to miss. From one
+    /// material to the next the choice, and so the film, jumps within the tolerance. Here the choice is the
+    /// other material's, and interreflection changes as smoothly as the rules do. The stated error is a bound
+    /// as far as the choice suits both.
+    ///
+    /// # Errors
+    /// When a parameter lies outside the model.
+    pub fn film_like(
+        &self,
+        material: &Material,
+        like: &Discretization,
+    ) -> Result<Film, RenderError> {
+        material.check()?;
+        let key = sampler_key(self.specification.seed, None, like.view);
+        let (_, (film, ..)) = self.film(material, like.view, key, Some(like))?;
+        Ok(film)
+    }
+
+    fn view(&self, view: u32) -> Result<(&ViewToRender, &View), RenderError> {
+        let index = view as usize;
+        let found = self
+            .views
+            .get(index)
+            .zip(self.specification.views.get(index));
+        found.ok_or(RenderError::NoSuchView {
+            view,
+            count: self.views.len(),
+        })
+    }
+
+    /// The film of a view, and which integrator rendered it.
+    fn film(
+        &self,
+        material: &Material,
+        view: u32,
+        key: u64,
+        like: Option<&Discretization>,
+    ) -> Result<(IntegratorKind, Work), RenderError> {
+        let (to_render, of_view) = self.view(view)?;
+        let reflectance = Reflectance::new(material, of_view.rotation_deg, self.specification.tint);
+        let worked_out = to_render.prepared.as_ref().and_then(|prepared| {
+            self.work_out(prepared, (material, &reflectance), of_view, like)
+                .ok()
+        });
+        let integrator = match worked_out {
+            None if !self.is_traced_to_accuracy() => IntegratorKind::Path,
+            _ => IntegratorKind::Hybrid,
+        };
+        let work = worked_out.unwrap_or_else(|| self.trace(&to_render.scene, &reflectance, key));
+        check_pixels(&work.0, view)?;
+        Ok((integrator, work))
     }
 
     /// Whether the hybrid integrator is asked for and traces what it cannot work out.
@@ -237,21 +307,44 @@ impl Renderer {
     fn work_out(
         &self,
         prepared: &PreparedView,
-        material: &Material,
-        reflectance: &Reflectance,
-        angles_deg: [f64; 2],
+        (material, reflectance): (&Material, &Reflectance),
+        view: &View,
+        like: Option<&Discretization>,
     ) -> Result<Work, Unresolved> {
         let mut phases = Vec::new();
         let interreflection = timed(&mut phases, "interreflection", || {
-            self.interreflections.get(material, angles_deg, || {
-                prepared.interreflection(reflectance).transpose()
-            })
-        })
-        .transpose()?;
+            self.interreflection(prepared, (material, reflectance), view, like)
+        })?;
         let (film, evaluations, others) =
             prepared.render(reflectance, interreflection.as_deref())?;
         phases.extend(others);
         Ok((film, 0, evaluations, phases))
+    }
+
+    /// What sample and chart send each other in a view; `None` for one without chart.
+    fn interreflection(
+        &self,
+        prepared: &PreparedView,
+        (material, reflectance): (&Material, &Reflectance),
+        view: &View,
+        like: Option<&Discretization>,
+    ) -> Result<Option<Arc<Interreflection>>, Unresolved> {
+        let like = like.and_then(|like| Some((like, like.interreflection.as_deref()?)));
+        let key = Key {
+            material: *material,
+            like: like.map(|(like, _)| like.material),
+            angles_deg: [view.rotation_deg, view.light_elevation_deg],
+        };
+        let made = self.interreflections.get(&key, || {
+            let made = match like {
+                Some((like, interreflection)) => {
+                    prepared.interreflection_like((interreflection, &like.reflectance), reflectance)
+                }
+                None => prepared.interreflection(reflectance),
+            };
+            made.transpose()
+        });
+        made.transpose()
     }
 
     /// Encodes what the middle of each pixel of `rendering`, which this renderer made, sees, as an EXR
@@ -262,14 +355,7 @@ impl Renderer {
     /// # Errors
     /// When the library refuses, or the rendering is of no view of this renderer.
     pub fn encode_aov(&self, rendering: &Rendering) -> Result<Vec<u8>, RenderError> {
-        let view = rendering.header.view;
-        let (Some(made), Some(of_view)) = (
-            self.views.get(view as usize),
-            self.specification.views.get(view as usize),
-        ) else {
-            let count = self.views.len();
-            return Err(RenderError::NoSuchView { view, count });
-        };
+        let (made, of_view) = self.view(rendering.header.view)?;
         let image = &self.specification.image;
         let size = [image.width, image.height];
         let channels = aov::channels(&made.scene, size, of_view.rotation_deg);
@@ -301,11 +387,11 @@ impl Renderer {
 
 /// The key of an image's samplers: of what names the image, not of the material's numbers, so that
 /// a small change of a parameter changes an image smoothly.
-fn sampler_key(header: &ImageHeader) -> u64 {
+fn sampler_key(seed: u64, material_index: Option<u32>, view: u32) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("brdfarm 2026 light path sampler");
-    hasher.update(&header.seed.to_le_bytes());
-    hasher.update(&header.material.map_or(u64::MAX, u64::from).to_le_bytes());
-    hasher.update(&header.view.to_le_bytes());
+    hasher.update(&seed.to_le_bytes());
+    hasher.update(&material_index.map_or(u64::MAX, u64::from).to_le_bytes());
+    hasher.update(&view.to_le_bytes());
     let mut key = [0; 8];
     hasher.finalize_xof().fill(&mut key);
     u64::from_le_bytes(key)

@@ -83,6 +83,21 @@ impl PreparedView {
             .transpose()
     }
 
+    /// The same on the tiles and by the rules of another material's, where reflectance and rotation are `of`'s.
+    ///
+    /// # Errors
+    /// None that [`PreparedView::interreflection`] has not had for the other.
+    pub fn interreflection_like(
+        &self,
+        (like, of): (&Interreflection, &Reflectance),
+        reflectance: &Reflectance,
+    ) -> Result<Option<Interreflection>, Unresolved> {
+        let chart = self.chart.as_ref();
+        chart
+            .map(|chart| Interreflection::like((like, of), &self.view, chart, reflectance))
+            .transpose()
+    }
+
     /// Renders the view, counts evaluations of the reflectance, and times the phases.
     /// `interreflection` is that of [`PreparedView::interreflection`]; if it is not at hand it is worked
     /// out as a phase.

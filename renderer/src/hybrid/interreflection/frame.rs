@@ -32,8 +32,28 @@ pub struct Frame<'a> {
 impl<'a> Frame<'a> {
     /// The frame of a view, its chart and a material.
     pub fn new(view: &'a View, chart: &'a ChartOnFilm, reflectance: &Reflectance) -> Self {
+        let sample = SampleFrame::new(view.sample_half, reflectance, view.instructions);
+        Self::of(sample, view, chart, reflectance)
+    }
+
+    /// The same with the rules over the sample that a material like it has.
+    pub fn like(
+        like: &Reflectance,
+        view: &'a View,
+        chart: &'a ChartOnFilm,
+        reflectance: &Reflectance,
+    ) -> Self {
+        let sample = SampleFrame::new(view.sample_half, like, view.instructions);
+        Self::of(sample.turned_to(reflectance), view, chart, reflectance)
+    }
+
+    fn of(
+        sample: SampleFrame,
+        view: &'a View,
+        chart: &'a ChartOnFilm,
+        reflectance: &Reflectance,
+    ) -> Self {
         let half = view.sample_half;
-        let sample = SampleFrame::new(half, reflectance, view.instructions);
         Self {
             view,
             chart,

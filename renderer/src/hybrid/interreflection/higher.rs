@@ -9,6 +9,8 @@
 //! order 1, and the worst tile is halved, or has finer rules, until none misses too much or the limit
 //! on evaluations is reached. Then the tiles state what they miss.
 
+mod like;
+
 use super::frame::Frame;
 use super::levels::{Series, TERMS, compared};
 use super::matrix::{Planned, Points, Row, level_cells, rows};
@@ -22,13 +24,17 @@ use crate::hybrid::budget::interreflection::{
 use crate::numerics::channels::{add_scaled, largest, largest_difference};
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::Rectangle;
+use like::PartRules;
 use std::cell::OnceCell;
 
 /// Interreflection of all orders from 2 on.
+#[derive(Debug)]
 pub struct Higher {
     /// For paths of `max_bounces` hits, and of one hit less.
     pub tiles: [Tiles; 2],
     pub evaluations: u64,
+    /// By which rules each part of the chart was worked out.
+    rules: Vec<PartRules>,
 }
 
 /// What sends light, at each level.
@@ -111,6 +117,7 @@ struct Sums {
 /// All orders on all parts.
 struct Solved {
     tiles: [Tiles; 2],
+    rules: Vec<PartRules>,
     left_out: f64,
     missed: f64,
     largest: f64,
@@ -157,6 +164,7 @@ impl Higher {
         Ok(Self {
             tiles: solved.tiles,
             evaluations,
+            rules: solved.rules,
         })
     }
 }
@@ -396,6 +404,7 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     fn solved(&self, parts: &[Part]) -> Solved {
         let mut solved = Solved {
             tiles: Default::default(),
+            rules: parts.iter().map(Part::rules).collect(),
             left_out: 0.0,
             missed: 0.0,
             largest: 0.0,

@@ -14,6 +14,9 @@
 //! share of the tolerance, nothing is worked out and the bound is added to the stated error. If the
 //! bound is large and no rule resolves the lobe, or the coarsest ones take too much, the answer is
 //! [`Unresolved`].
+//!
+//! A material may also be worked out like another: on the same tiles and by the same rules. Then the
+//! light is as smooth a function of the material as the rules are, which differences need.
 
 mod bound;
 mod bulb_arcs;
@@ -44,15 +47,15 @@ use bound::{Bounds, form_factor_max};
 use frame::{Frame, tile_position};
 use higher::Higher;
 use order_1::Order1;
-use tiles::Tiles;
 pub use unresolved::Unresolved;
 
 /// Irradiance over pi on the chart, in units of white, by light that was off the sample before.
 #[derive(Debug)]
 pub struct Interreflection {
-    order_1: Order1,
-    /// The orders from 2 on that a path of `max_bounces` hits takes, and one of a hit less.
-    higher: Option<[Tiles; 2]>,
+    /// `None` where it is too dark to be worked out.
+    order_1: Option<Order1>,
+    /// The orders from 2 on; `None` where they are too dark to be worked out.
+    higher: Option<Higher>,
     /// A bound of what the sum is off by.
     error: f64,
     /// The least irradiance over pi on the chart by the bulb itself.
@@ -73,8 +76,28 @@ impl Interreflection {
         reflectance: &Reflectance,
     ) -> Result<Self, Unresolved> {
         let frame = Frame::new(view, chart, reflectance);
+        Self::solve(&frame, reflectance, None)
+    }
+
+    /// The same for a material beside another, on the tiles and by the rules of that. They are taken to miss as much.
+    pub(super) fn like(
+        (like, of): (&Self, &Reflectance),
+        view: &View,
+        chart: &ChartOnFilm,
+        reflectance: &Reflectance,
+    ) -> Result<Self, Unresolved> {
+        let frame = Frame::like(of, view, chart, reflectance);
+        Self::solve(&frame, reflectance, Some(like))
+    }
+
+    fn solve(
+        frame: &Frame<'_>,
+        reflectance: &Reflectance,
+        like: Option<&Self>,
+    ) -> Result<Self, Unresolved> {
+        let (view, chart) = (frame.view, frame.chart);
         let mut found = Self {
-            order_1: Order1::default(),
+            order_1: None,
             higher: None,
             error: 0.0,
             direct_least: frame.direct_least(&frame.bounds()),
@@ -89,7 +112,7 @@ impl Interreflection {
         }
         let tolerance = frame.tolerance(&found.bounds);
         let left_out = LEFT_OUT_SHARE * tolerance;
-        let bounds = Bounds::new(&frame, reflectance);
+        let bounds = Bounds::new(frame, reflectance);
         let reflected = bounds.transfer * frame.reflectance_max();
         // An error of one order comes back in the orders above it: a geometric series in steps of two.
         let once = match view.bounces_max {
@@ -97,30 +120,44 @@ impl Interreflection {
             _ => 1.0 - reflected,
         };
         let mut order_1_max = bounds.order_1;
-        if bounds.order_1 <= left_out {
+        let is_dark = |bound: f64, worked_out: Option<bool>| {
+            worked_out.map_or(bound <= left_out, |worked_out| !worked_out)
+        };
+        if is_dark(bounds.order_1, like.map(|like| like.order_1.is_some())) {
             found.error += bounds.order_1;
         } else {
-            let order_1 = order_1::solve(&frame, once * ORDER_1_SHARE)?;
+            let order_1 = match like.and_then(|like| like.order_1.as_ref()) {
+                Some(like) => order_1::solve_like(frame, like),
+                None => order_1::solve(frame, once * ORDER_1_SHARE)?,
+            };
             order_1_max = order_1.largest + order_1.tiles.error();
             found.error += order_1.tiles.error();
             found.evaluations += order_1.evaluations;
-            found.order_1 = order_1;
+            found.order_1 = Some(order_1);
         }
         if view.bounces_max < 3 {
             return Ok(found);
         }
         let most = reflected * (frame.direct_max() + order_1_max) / once;
-        if most <= left_out {
+        if is_dark(most, like.map(|like| like.higher.is_some())) {
             found.error += most;
             return Ok(found);
         }
-        let higher = Higher::solve(&frame, once * HIGHER_SHARE, |at| {
-            found.order_1.tiles.value(frame.on_tiles(at))
-        })?;
+        let order_1 = |at| found.order_1(frame.on_tiles(at));
+        let higher = match like.and_then(|like| like.higher.as_ref()) {
+            Some(like) => Higher::solve_like(frame, like, order_1),
+            None => Higher::solve(frame, once * HIGHER_SHARE, order_1)?,
+        };
         found.error = (found.error + higher.tiles[0].error()) / once;
         found.evaluations += higher.evaluations;
-        found.higher = Some(higher.tiles);
+        found.higher = Some(higher);
         Ok(found)
+    }
+
+    /// Order 1 at a position on the tiles.
+    fn order_1(&self, at: [f64; 2]) -> [f64; 3] {
+        let order_1 = self.order_1.as_ref();
+        order_1.map_or([0.0; 3], |order_1| order_1.tiles.value(at))
     }
 
     /// How many evaluations it took.
@@ -154,8 +191,9 @@ impl Interreflection {
         let less = part.map_or(0.0, |Rectangle { low, high }| {
             let [low, high] = [low, high].map(|at| tile_position(at, self.gap));
             let part = Rectangle { low, high };
-            let higher = self.higher.as_ref().map(|[tiles, _]| tiles);
-            let all = [&self.order_1.tiles].into_iter().chain(higher);
+            let order_1 = self.order_1.as_ref().map(|order_1| &order_1.tiles);
+            let higher = self.higher.as_ref().map(|higher| &higher.tiles[0]);
+            let all = order_1.into_iter().chain(higher);
             all.map(|tiles| tiles.error() - tiles.error_on(&part)).sum()
         });
         let error = self.error - less;
@@ -184,10 +222,10 @@ impl Interreflection {
         let at = self.bounds.nearest(tile_position(at, self.gap));
         let mut sum = [0.0; 3];
         if bounces_max > 1 {
-            sum = self.order_1.tiles.value(at);
+            sum = self.order_1(at);
         }
         if let Some(higher) = &self.higher {
-            add_scaled(&mut sum, higher[which].value(at), 1.0);
+            add_scaled(&mut sum, higher.tiles[which].value(at), 1.0);
         }
         sum.map(|channel| channel.max(0.0))
     }

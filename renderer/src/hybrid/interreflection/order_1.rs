@@ -26,6 +26,18 @@ pub struct Order1 {
     /// The largest value at a node.
     pub largest: f64,
     pub evaluations: u64,
+    /// Rings of the cubature over the bulb.
+    rings: usize,
+    /// By which rules each tile was worked out.
+    rules: Vec<TileRules>,
+}
+
+/// By which rules a tile was worked out, and what they miss.
+#[derive(Clone, Copy, Debug)]
+struct TileRules {
+    rectangle: Rectangle,
+    level: usize,
+    missed: f64,
 }
 
 /// Buffers of a thread.
@@ -75,9 +87,8 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
     let (rings, rings_missed) = rings(frame, share * frame.tolerance(&frame.bounds()));
     let disc = disc(rings);
     let mut order_1 = Order1 {
-        tiles: Tiles::default(),
-        largest: 0.0,
-        evaluations: 0,
+        rings,
+        ..Order1::default()
     };
     order_1.tiles.everywhere = rings_missed;
     let first = |rectangle| Open {
@@ -109,6 +120,11 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
             missed = missed.max(fitted.missed);
             resolved &= fitted.resolved;
             let error = fitted.fit.error + fitted.missed;
+            order_1.rules.push(TileRules {
+                rectangle: fitted.tile.rectangle,
+                level: fitted.level,
+                missed: fitted.missed,
+            });
             order_1.tiles.push(fitted.tile, error);
         }
     }
@@ -117,6 +133,28 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
         order_1.tiles.everywhere += unresolved_error(order_1.largest, missed)?;
     }
     Ok(order_1)
+}
+
+/// Order 1 on the tiles of another and by its rules, which miss as much here as they do there.
+pub fn solve_like(frame: &Frame<'_>, like: &Order1) -> Order1 {
+    let basis = Basis::<TERMS>::new();
+    let disc = disc(like.rings);
+    let mut order_1 = Order1 {
+        rings: like.rings,
+        rules: like.rules.clone(),
+        ..Order1::default()
+    };
+    order_1.tiles.everywhere = like.tiles.everywhere;
+    for rules in &like.rules {
+        let nodes: Vec<[f64; 2]> = basis.nodes(&rules.rectangle).collect();
+        let found = values(frame, &nodes, &disc, rules.level);
+        order_1.evaluations += spent(&found);
+        let (tile, fit) = basis.fit(rules.rectangle, found.iter().map(|value| value.light));
+        let lights = found.iter().map(|value| largest(value.light));
+        order_1.largest = lights.fold(order_1.largest, f64::max);
+        order_1.tiles.push(tile, fit.error + rules.missed);
+    }
+    order_1
 }
 
 /// How many rings the cubature over the bulb needs, and what it misses against the next finer one.

@@ -43,6 +43,8 @@ pub struct SampleFrame {
     half: f64,
     /// The u axis in the world.
     pub u_axis: [f64; 2],
+    /// Whether the lines turn with the lobe.
+    rotated: bool,
     /// Whether h_u is the slope along which the lobe is narrow, so that lines can be cut to it.
     aligned: bool,
     /// Whether a bulb that looks wider than the lobe is cut into arcs about the lines.
@@ -71,26 +73,40 @@ pub enum ForBulb {
     Arcs(ArcRules),
 }
 
+/// The axis of the world along which the lobe is narrow.
+fn narrow_axis(reflectance: &Reflectance) -> [f64; 2] {
+    let axis = reflectance.lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+    [axis.x, axis.y]
+}
+
 impl SampleFrame {
     /// The frame for a material on a square of this half side.
     pub fn new(half: f64, reflectance: &Reflectance, instructions: Instructions) -> Self {
         let lobe = &reflectance.lobe;
         let isotropic = lobe.n_u <= lobe.n_v;
         let rotated = lobe.n_u > ROTATED_FROM && !isotropic;
-        let axis = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
         Self {
             half,
             u_axis: if rotated {
-                [axis.x, axis.y]
+                narrow_axis(reflectance)
             } else {
                 [1.0, 0.0]
             },
+            rotated,
             aligned: rotated || isotropic,
             arcs: rotated && reflectance.specular_share == 1.0,
             n_u: lobe.n_u,
             n_v: if rotated { lobe.n_v } else { lobe.n_u },
             instructions,
         }
+    }
+
+    /// The same rules with lines that run across the lobe of a material beside this one.
+    pub fn turned_to(mut self, reflectance: &Reflectance) -> Self {
+        if self.rotated {
+            self.u_axis = narrow_axis(reflectance);
+        }
+        self
     }
 
     /// A vector of the world in the frame.
