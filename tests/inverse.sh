@@ -6,11 +6,11 @@
 # Refines COPIES (200) noisy copies of the pair of photographs of each of MATERIALS (10), and compares
 # the spread of every parameter with its Cramer-Rao bound.
 #
-#   tests/inverse.sh derivatives [MATERIALS [SIDE [ACCURACY [TIGHT [FIRST]]]]]
+#   tests/inverse.sh derivatives [CASES [SIDE [ACCURACY [TIGHT [FIRST]]]]]
 #
-# Compares derivatives of images of SIDE x SIDE (16) pixels rendered to a relative ACCURACY (1e-3)
-# with extrapolated differences of images rendered to TIGHT (1e-4), over all views of the hard cases
-# and of MATERIALS (50).
+# Compares derivatives of images of SIDE x SIDE (16) pixels rendered to a relative ACCURACY (1e-4)
+# with extrapolated differences of images rendered to TIGHT (1e-5), over all views of CASES (62): the
+# 12 hard cases, then materials drawn from the preset.
 #
 #   tests/inverse.sh starts [MATERIALS [FIRST]]
 #
@@ -26,8 +26,8 @@ case "${1:-}" in
     export BRDFARM_MATERIALS="${2:-10}" BRDFARM_COPIES="${3:-200}" BRDFARM_FIRST="${4:-0}"
     ;;
   derivatives)
-    export BRDFARM_MATERIALS="${2:-50}" BRDFARM_SIDE="${3:-16}"
-    export BRDFARM_ACCURACY="${4:-1e-3}" BRDFARM_TIGHT_ACCURACY="${5:-1e-4}"
+    export BRDFARM_CASES="${2:-62}" BRDFARM_SIDE="${3:-16}"
+    export BRDFARM_ACCURACY="${4:-1e-4}" BRDFARM_TIGHT_ACCURACY="${5:-1e-5}"
     export BRDFARM_FIRST="${6:-0}"
     ;;
   starts)

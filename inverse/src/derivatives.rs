@@ -2,8 +2,9 @@
 //!
 //! They are difference quotients over two steps, the first twice the second, and Richardson's
 //! extrapolation of both. At the ends of ranges, and at R = 90 where the model has a kink, they are
-//! taken to one side. The renderer is adaptive, so its error is not a smooth function of the
-//! material: `steps.rs` says how steps are chosen.
+//! taken to one side. Interreflection is worked out on the tiles and by the rules of the material itself.
+//! Otherwise the renderer is adaptive, so its error is not a smooth function of the material:
+//! `steps.rs` says how steps are chosen.
 //!
 //! Images bend where the tint meets its knee, and a step over the bend misses the derivative on
 //! either side. Where many derivatives of an image are not sure, they are taken again over a shorter
@@ -15,7 +16,7 @@ use crate::observation::check_views;
 use crate::parameters::{PARAMETERS, Theta};
 use crate::steps::{self, Point};
 use dataset::{Material, Specification};
-use renderer::{Renderer, film::FilmPixel, geometry::BackendChoice};
+use renderer::{Discretization, Renderer, film::FilmPixel, geometry::BackendChoice};
 
 /// Derivatives of this many units of white over a parameter's range are notable.
 const NOTABLE: f64 = 1e-4;
@@ -42,6 +43,12 @@ pub type ImageOfChannels = Vec<[f64; 3]>;
 pub struct Differentiator {
     specification: Specification,
     renderer: Renderer,
+}
+
+/// A view of the material that is differentiated.
+struct Base {
+    pixels: Vec<FilmPixel>,
+    discretization: Discretization,
 }
 
 /// The derivatives of one view.
@@ -104,23 +111,31 @@ impl Differentiator {
         check_views(&self.specification, views)?;
         material.check()?;
         let theta = Theta::of(material);
-        let base = self.render(&theta, views)?;
+        let bases = views.iter().map(|&view| {
+            let film = self.renderer.render(material, None, view)?.film;
+            let discretization = self.renderer.discretization(material, view)?;
+            Ok(Base {
+                pixels: film.pixels,
+                discretization,
+            })
+        });
+        let bases: Vec<Base> = bases.collect::<Result<_, InverseError>>()?;
         let mut columns: Vec<Vec<ParameterDerivative>> = vec![Vec::new(); views.len()];
-        let films: Vec<&[FilmPixel]> = base.iter().map(Vec::as_slice).collect();
+        let all: Vec<&Base> = bases.iter().collect();
         for parameter in 0..PARAMETERS {
-            let by_view = self.by(&theta, parameter, views, &films)?;
+            let by_view = self.by(&theta, parameter, views, &all)?;
             for (column, derivative) in columns.iter_mut().zip(by_view) {
                 column.push(derivative);
             }
         }
         let image = &self.specification.image;
-        let assembled = views.iter().zip(&base).zip(columns);
+        let assembled = views.iter().zip(&bases).zip(columns);
         Ok(assembled
-            .map(|((&view, film), column)| ViewDerivatives {
+            .map(|((&view, base), column)| ViewDerivatives {
                 view,
                 width: image.width,
                 height: image.height,
-                pixels: film.iter().map(|pixel| pixel.value).collect(),
+                pixels: base.pixels.iter().map(|pixel| pixel.value).collect(),
                 by: column
                     .try_into()
                     .unwrap_or_else(|_| unreachable!("the loop has a turn for each parameter")),
@@ -128,32 +143,33 @@ impl Differentiator {
             .collect())
     }
 
-    /// The films of all views.
-    fn render(&self, theta: &Theta, views: &[u32]) -> Result<Vec<Vec<FilmPixel>>, InverseError> {
+    /// The films of a material beside that of `bases`.
+    fn beside(&self, theta: &Theta, bases: &[&Base]) -> Result<Vec<Vec<FilmPixel>>, InverseError> {
         let material = theta.material();
-        views
-            .iter()
-            .map(|&view| Ok(self.renderer.render(&material, None, view)?.film.pixels))
-            .collect()
+        let film = |base: &&Base| {
+            let film = self.renderer.film_like(&material, &base.discretization)?;
+            Ok(film.pixels)
+        };
+        bases.iter().map(film).collect()
     }
 
-    /// The derivatives of all views by one parameter. `base` holds the films of the material itself.
+    /// The derivatives of all views by one parameter.
     fn by(
         &self,
         theta: &Theta,
         parameter: usize,
         views: &[u32],
-        base: &[&[FilmPixel]],
+        bases: &[&Base],
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
-        let mut found = self.quotients(theta, parameter, views, base, 1.0)?;
+        let mut found = self.quotients(theta, parameter, views, bases, 1.0)?;
         let unsure = (0..views.len()).filter(|&place| found[place].is_unsure());
         let unsure: Vec<usize> = unsure.collect();
         if unsure.is_empty() {
             return Ok(found);
         }
         let views: Vec<u32> = unsure.iter().map(|&place| views[place]).collect();
-        let base: Vec<&[FilmPixel]> = unsure.iter().map(|&place| base[place]).collect();
-        let again = self.quotients(theta, parameter, &views, &base, SHORTER)?;
+        let bases: Vec<&Base> = unsure.iter().map(|&place| bases[place]).collect();
+        let again = self.quotients(theta, parameter, &views, &bases, SHORTER)?;
         for (place, again) in unsure.into_iter().zip(again) {
             found[place].keep_surer(&again);
         }
@@ -166,26 +182,28 @@ impl Differentiator {
         theta: &Theta,
         parameter: usize,
         views: &[u32],
-        base: &[&[FilmPixel]],
+        bases: &[&Base],
         shorter: f64,
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
         let cosines = steps::cosines(&self.specification, views);
         let Specification { tint, accuracy, .. } = &self.specification;
         let share = shorter * steps::share(accuracy);
         let Some(stencil) = steps::stencil(theta, parameter, &cosines, *tint, share) else {
-            return Ok(base.iter().map(|film| nonexistent(film.len())).collect());
+            let nothing = bases.iter().map(|base| nonexistent(base.pixels.len()));
+            return Ok(nothing.collect());
         };
-        let mut sums: Vec<Vec<Sums>> = base
+        let mut sums: Vec<Vec<Sums>> = bases
             .iter()
-            .map(|film| vec![Sums::default(); film.len()])
+            .map(|base| vec![Sums::default(); base.pixels.len()])
             .collect();
         for point in &stencil.points {
             let rendered = match point.is_base {
                 true => None,
-                false => Some(self.render(&point.theta, views)?),
+                false => Some(self.beside(&point.theta, bases)?),
             };
             for (place, sums) in sums.iter_mut().enumerate() {
-                let film = rendered.as_ref().map_or(base[place], |films| &films[place]);
+                let base = &bases[place].pixels;
+                let film = rendered.as_ref().map_or(base, |films| &films[place]);
                 for (sum, pixel) in sums.iter_mut().zip(film) {
                     sum.add(point, pixel);
                 }
