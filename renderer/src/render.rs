@@ -223,10 +223,11 @@ impl Renderer {
     /// A material's own tiles and rules of interreflection are chosen by what they are found to miss. From one
     /// material to the next the choice, and so the film, jumps within the tolerance. Here the choice is the
     /// other material's, and interreflection changes as smoothly as the rules do. The stated error is a bound
-    /// as far as the choice suits both.
+    /// as far as the choice suits both. `like` has to be of this renderer: another's may name a view that this one
+    /// has not, or tiles for another tolerance.
     ///
     /// # Errors
-    /// When a parameter lies outside the model.
+    /// When the view does not exist or a parameter lies outside the model.
     pub fn film_like(
         &self,
         material: &Material,
