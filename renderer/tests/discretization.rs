@@ -1,6 +1,6 @@
 //! Films of materials beside one, on its tiles and by its rules.
 
-use dataset::{Material, Specification, specification::IntegratorKind};
+use dataset::{HARD_CASES, Material, Specification, specification::IntegratorKind};
 use renderer::{RenderError, Renderer, film::Film, geometry::BackendChoice};
 
 /// Light at 45 degrees, camera at 45: the film shows the chart.
@@ -86,6 +86,20 @@ fn films_of_materials_beside_one_change_smoothly_and_within_the_tolerance() {
     }
     let [like, own] = [&films, &owns].map(|films| bend(films));
     assert!(4.0 * like < own, "{like:e} of {own:e}");
+}
+
+/// However far the other material is: rules for a wide lobe meet the narrowest, and the other way round.
+#[test]
+fn any_material_can_be_like_any_other() {
+    let specification = specification();
+    let renderer = renderer(&specification);
+    let materials = HARD_CASES.map(|case| case.material);
+    for (index, of) in materials.iter().enumerate() {
+        let like = renderer.discretization(of, WITH_CHART).expect("a view");
+        let material = &materials[(index + 5) % materials.len()];
+        let film = renderer.film_like(material, &like).expect("a film");
+        assert!(film.pixels.iter().all(|pixel| pixel.error.is_finite()));
+    }
 }
 
 /// Random numbers are the same for both, and bad input is refused.

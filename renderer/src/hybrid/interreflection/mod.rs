@@ -121,7 +121,12 @@ impl Interreflection {
         };
         let mut order_1_max = bounds.order_1;
         let is_dark = |bound: f64, worked_out: Option<bool>| {
-            worked_out.map_or(bound <= left_out, |worked_out| !worked_out)
+            match worked_out {
+                None => bound <= left_out,
+                // What was too dark there may not be here.
+                Some(false) => bound <= tolerance,
+                Some(true) => false,
+            }
         };
         if is_dark(bounds.order_1, like.map(|like| like.order_1.is_some())) {
             found.error += bounds.order_1;
