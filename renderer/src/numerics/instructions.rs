@@ -68,25 +68,27 @@ impl fmt::Display for Instructions {
 macro_rules! kernel {
     (
         $(#[$meta:meta])*
-        pub fn $name:ident($($argument:ident: $type:ty),* $(,)?) $(-> $result:ty)? $body:block
+        pub fn $name:ident $(<const $count:ident: usize>)? (
+            $($argument:ident: $type:ty),* $(,)?
+        ) $(-> $result:ty)? $body:block
     ) => {
         $(#[$meta])*
-        pub fn $name(
+        pub fn $name $(<const $count: usize>)? (
             instructions: $crate::numerics::instructions::Instructions,
             $($argument: $type),*
         ) $(-> $result)? {
             #[inline(always)]
-            fn portable($($argument: $type),*) $(-> $result)? $body
+            fn portable $(<const $count: usize>)? ($($argument: $type),*) $(-> $result)? $body
 
             #[cfg(target_arch = "x86_64")]
             #[target_feature(enable = "avx2")]
-            fn avx2($($argument: $type),*) $(-> $result)? {
+            fn avx2 $(<const $count: usize>)? ($($argument: $type),*) $(-> $result)? {
                 portable($($argument),*)
             }
 
             #[cfg(target_arch = "x86_64")]
             #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
-            fn avx512($($argument: $type),*) $(-> $result)? {
+            fn avx512 $(<const $count: usize>)? ($($argument: $type),*) $(-> $result)? {
                 portable($($argument),*)
             }
 

@@ -7,11 +7,11 @@
 //! comes to the chart, the integrand stays smooth. Intervals are parted where it bends, at three
 //! cosines of the light's direction.
 
-use super::lit_chart::{LitChart, parabola};
+use super::lit_chart::{LitChart, polynomial};
 use super::window::Window;
 use crate::numerics::batch::{Batch, FOUR};
 use crate::numerics::elementary::{asinh, exp};
-use crate::numerics::gauss::GaussRule;
+use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::instructions::kernel;
 use crate::numerics::tolerance::Tolerance;
 use crate::scene::ChartPlane;
@@ -36,8 +36,8 @@ const EXP_MAX: f64 = 600.0;
 
 kernel! {
     /// Gathers the directions of a product rule from `position`, and the light from them.
-    pub fn directions(
-        chart: &LitChart,
+    pub fn directions<const NODES: usize>(
+        chart: &LitChart<NODES>,
         position: Vec3,
         levels: [f64; 3],
         window: &Window,
@@ -69,17 +69,28 @@ kernel! {
                 continue;
             }
             let (inner, count) = sorted_between(ends, &bends);
-            let mut from = ends[0];
+            let end_at = |s: f64| {
+                let per_angle = widths_up(plane, window, [-offset.x, height], s);
+                (s, gudermann(s), per_angle)
+            };
+            let mut begin = end_at(ends[0]);
             for to in inner[..count].iter().copied().chain([ends[1]]) {
-                let angle = gudermann(to) - gudermann(from);
+                let (from, low, per_angle) = begin;
+                begin = end_at(to);
+                let (_, high, per_angle_at_end) = begin;
+                let widths = (high - low) * per_angle.max(per_angle_at_end);
                 let more = tolerance.more_beside(to - from);
-                let rule = GaussRule::of(tolerance.points(angle / window.width[1], more));
-                for (s, weight) in rule.on(from, to) {
-                    let line = Line::new(plane, row, [height, foot], s, &levels);
-                    let weight = weight * line.cos_gamma;
-                    gather_line(chart, position, &line, weight, window, tolerance, batch);
+                let (parts, rule) = parts(widths, more, tolerance);
+                let mut low = from;
+                for part in 0..parts {
+                    let high = end_of_part([from, to], part, parts);
+                    for (s, weight) in rule.on(low, high) {
+                        let line = Line::new(plane, row, [height, foot], s, &levels);
+                        let weight = weight * line.cos_gamma;
+                        gather_line(chart, position, &line, weight, window, tolerance, batch);
+                    }
+                    low = high;
                 }
-                from = to;
             }
         }
     }
@@ -87,8 +98,8 @@ kernel! {
 
 /// The same for directions of one s.
 #[inline(always)]
-fn gather_line(
-    chart: &LitChart,
+fn gather_line<const NODES: usize>(
+    chart: &LitChart<NODES>,
     position: Vec3,
     line: &Line,
     weight_s: f64,
@@ -113,8 +124,8 @@ fn gather_line(
     let (bends, count) = sorted_between(ends, &line.bends);
     let mut bends = bends[..count].iter().copied().peekable();
     let up = chart.weights_up(line.row, line.height);
-    let per_width = 1.0 / window.width[0];
     let mut from = Place::new(ends[0]);
+    let mut per_sine = window.widths_sideways(from.sine, [line.cos, line.sin]);
     for column in 0..plane.columns {
         let edge = t_of(along(column + 1)).min(high);
         if edge <= from.t {
@@ -125,28 +136,77 @@ fn gather_line(
         while from.t < edge {
             let to = Place::new(bends.next_if(|bend| *bend < edge).unwrap_or(edge));
             let more = tolerance.more_beside((to.t - from.t) / (from.root * to.root));
-            let widths = (to.sine - from.sine) * per_width;
-            let rule = GaussRule::of(tolerance.points(widths, more));
-            for (t, weight_t, count) in rule.fours_on(from.t, to.t) {
-                let mut points = [[0.0; FOUR]; 6];
-                for i in 0..FOUR {
-                    let t2 = t[i] * t[i];
-                    let share = 1.0 / (1.0 + t2);
-                    let cos = 2.0 * t[i] * share;
-                    let position = half_reach * (t[i] - 1.0 / t[i]) - along;
-                    let weight = weight_s * weight_t[i] * 2.0 * cos * share;
-                    let [r, g, b] = parabola(&light, position).map(|light| weight * light);
-                    let sin = (t2 - 1.0) * share;
-                    let point = [sin, cos * line.cos, cos * line.sin, r, g, b];
-                    for (column, value) in points.iter_mut().zip(point) {
-                        column[i] = value;
+            let end = window.widths_sideways(to.sine, [line.cos, line.sin]);
+            let widths = (to.sine - from.sine) * end.max(per_sine);
+            per_sine = end;
+            let (parts, rule) = parts(widths, more, tolerance);
+            let mut low = from.t;
+            for part in 0..parts {
+                let high = end_of_part([from.t, to.t], part, parts);
+                for (t, weight_t, count) in rule.fours_on(low, high) {
+                    let mut points = [[0.0; FOUR]; 6];
+                    for i in 0..FOUR {
+                        let t2 = t[i] * t[i];
+                        let share = 1.0 / (1.0 + t2);
+                        let cos = 2.0 * t[i] * share;
+                        let position = half_reach * (t[i] - 1.0 / t[i]) - along;
+                        let weight = weight_s * weight_t[i] * 2.0 * cos * share;
+                        let [r, g, b] = polynomial(&light, position).map(|light| weight * light);
+                        let sin = (t2 - 1.0) * share;
+                        let point = [sin, cos * line.cos, cos * line.sin, r, g, b];
+                        for (column, value) in points.iter_mut().zip(point) {
+                            column[i] = value;
+                        }
                     }
+                    batch.push_of_four(points, count);
                 }
-                batch.push_of_four(points, count);
+                low = high;
             }
             from = to;
         }
     }
+}
+
+/// Into how many parts an interval of this many widths is cut, and the rule that each takes: more than one where no
+/// rule has as many points as the whole takes.
+#[inline(always)]
+fn parts(widths: f64, more: f64, tolerance: Tolerance) -> (usize, &'static GaussRule) {
+    let points = tolerance.points(widths, more);
+    if points <= POINTS_MAX {
+        return (1, GaussRule::of(points));
+    }
+    let parts = points.div_ceil(POINTS_MAX);
+    let share = 1.0 / parts as f64;
+    let points = tolerance.points(widths * share, more * share);
+    (parts, GaussRule::of(points))
+}
+
+/// Where a part of an interval that is cut into so many ends.
+#[inline(always)]
+fn end_of_part([from, to]: [f64; 2], part: usize, parts: usize) -> f64 {
+    if part + 1 == parts {
+        to
+    } else {
+        from + (to - from) * (part + 1) as f64 / parts as f64
+    }
+}
+
+/// The most of the lobe's widths for each radian at an s; `left` is how far the chart's left edge lies from the
+/// sample's point along x, and `height` how far its plane.
+#[inline(always)]
+fn widths_up(plane: &ChartPlane, window: &Window, [left, height]: [f64; 2], s: f64) -> f64 {
+    let right = left + f64::from(plane.columns) * plane.pitch;
+    let e = exp(s);
+    let (sinh, cosh) = (0.5 * (e - 1.0 / e), 0.5 * (e + 1.0 / e));
+    let across = (plane.y * sinh - plane.z) * (1.0 / cosh);
+    let reach = height * cosh;
+    let mut most = 0.0f64;
+    for along in [left, 0.0f64.clamp(left, right), right] {
+        let sine = along / (along * along + reach * reach).sqrt();
+        let sine = sine.clamp(window.low[0], window.high[0]);
+        most = most.max(window.widths_up(sine, [across.y, across.z]));
+    }
+    most
 }
 
 /// A t, and what of it tells how many points an interval takes.

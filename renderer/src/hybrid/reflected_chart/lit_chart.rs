@@ -3,42 +3,45 @@
 //! What the sample sends to the chart rises from nothing at the sample's level to its peak at about
 //! the height of the gap between the two, far below a patch's. So up a patch the polynomials are in
 //! the logarithm of the height, as interreflection's own tiles are.
+//!
+//! Across a patch a parabola serves the preset's tolerance. A tighter one asks for a quartic: parabolas on
+//! parts of patches need four times the parts, and so four times the work, for an eighth of the error.
 
-use crate::hybrid::budget::reflected_chart::PATCHES_MAX;
 use crate::hybrid::chart_on_film::ChartOnFilm;
 use crate::numerics::elementary::log1p;
 use crate::scene::ChartPlane;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// The chart with its patches and their light.
+/// The chart with its patches and their light, which is known at `NODES` points across a patch:
+/// [`PARABOLA`] or [`QUARTIC`].
 #[derive(Clone, Debug)]
-pub struct LitChart {
+pub struct LitChart<const NODES: usize> {
     /// The chart, parted.
     pub plane: ChartPlane,
     /// Into how many parts each side of a patch is cut: below, "patch" is such a part.
     pub parts: u32,
     /// Reflectance times what `light` gives is a patch's radiance.
     pub patches: Vec<[f64; 3]>,
-    /// Irradiance over pi, in units of white, at the nodes of each patch.
-    light: Vec<PatchLight>,
-    /// Radiance there.
-    radiance: Vec<[[f64; ACROSS]; UP_NODES]>,
+    /// Irradiance over pi, in units of white, at the nodes of each patch, a row of nodes after the other.
+    light: Vec<[[f64; 3]; NODES]>,
+    /// Radiance there, with a fourth channel that is 0: together a vector.
+    radiance: Vec<[[f64; CHANNELS]; NODES]>,
     /// How heights are told.
     pub heights: Heights,
 }
 
-/// By node up, node across and channel.
-type PatchLight = [[[f64; 3]; ACROSS_NODES]; UP_NODES];
+const CHANNELS: usize = 4;
 
-/// Three channels at [`ACROSS_NODES`] points, and zeros that fill vectors up.
-const ACROSS: usize = 12;
+/// Points of a parabola: 0, 1/2 and 1.
+pub const PARABOLA: usize = 3;
 
-/// Equidistant points across a patch at which its light is known; a parabola goes through them.
-pub const ACROSS_NODES: usize = 3;
+/// Points of a quartic, Chebyshev's with both ends: (1 - cos(k pi / 4)) / 2.
+pub const QUARTIC: usize = 5;
 
-/// Points up a patch, Lobatto's in the logarithm of the height: 0, (1 -+ 1/sqrt(2))/2, 1/2 and 1.
-const UP_NODES: usize = 5;
-const UP: [f64; UP_NODES] = [
+/// Points of the polynomial up a patch whose light a quartic tells across, in the same way: (1 - cos(k pi / 8)) / 2.
+const UP_MAX: usize = 9;
+
+const QUARTIC_NODES: [f64; QUARTIC] = [
     0.0,
     0.146_446_609_406_726_24,
     0.5,
@@ -46,13 +49,51 @@ const UP: [f64; UP_NODES] = [
     1.0,
 ];
 
-/// About where the polynomials miss most: the parabola of a cubic, at (1 -+ 1/sqrt(3))/2, and the other
-/// between its nodes.
-const PROBES: [[f64; 2]; 4] = {
-    const LOW: f64 = 0.211_324_865_405_187_13;
-    const HIGH: f64 = 1.0 - LOW;
-    [[LOW, 0.06], [HIGH, 0.31], [LOW, 0.69], [HIGH, 0.94]]
-};
+const UP_NODES: [f64; UP_MAX] = [
+    0.0,
+    0.038_060_233_744_356_62,
+    0.146_446_609_406_726_24,
+    0.308_658_283_817_455_1,
+    0.5,
+    0.691_341_716_182_544_9,
+    0.853_553_390_593_273_8,
+    0.961_939_766_255_643_4,
+    1.0,
+];
+
+/// What the polynomials of a patch are made of.
+struct Nodes<const NODES: usize> {
+    /// Where across a patch its light is known.
+    across: [f64; NODES],
+    /// Where up a patch, in the logarithm of the height.
+    up: &'static [f64],
+}
+
+impl<const NODES: usize> Nodes<NODES> {
+    const ALL: Self = {
+        let mut across = [0.0; NODES];
+        match NODES {
+            PARABOLA => {
+                across.copy_from_slice(&[0.0, 0.5, 1.0]);
+                Self {
+                    across,
+                    up: &QUARTIC_NODES,
+                }
+            }
+            QUARTIC => {
+                across.copy_from_slice(&QUARTIC_NODES);
+                Self {
+                    across,
+                    up: &UP_NODES,
+                }
+            }
+            _ => panic!("no such polynomial"),
+        }
+    };
+
+    /// How many points up a patch has.
+    const UP: usize = Self::ALL.up.len();
+}
 
 /// The rows of a chart's patches over ln(1 + height / gap).
 #[derive(Clone, Debug)]
@@ -88,29 +129,10 @@ impl Heights {
     }
 }
 
-/// What is missed between the probes is at most this many times what is missed at them.
+/// What is missed between those points is at most this many times what is missed at them.
 const MISSED_MARGIN: f64 = 1.5;
 
-impl LitChart {
-    /// Into how many parts a patch's side has to be cut, `least` or more, for the polynomials of
-    /// [`LitChart::new`] to tell radiance to `allowed`.
-    pub fn parts(
-        chart: &ChartOnFilm,
-        gap: f64,
-        (least, allowed): (u32, f64),
-        irradiance: impl Fn([f64; 2]) -> [f64; 3],
-    ) -> u32 {
-        let mut parts = least;
-        loop {
-            let missed = Self::new(chart, gap, parts, &irradiance).missed(&irradiance);
-            let more = (2 * parts) * (2 * parts) * chart.patches.len() as u32;
-            if missed <= allowed || more > PATCHES_MAX {
-                return parts;
-            }
-            parts *= 2;
-        }
-    }
-
+impl<const NODES: usize> LitChart<NODES> {
     /// The chart under the light that `irradiance` (over pi) gives, each patch parted into `parts` by
     /// `parts`; `gap` is the scale in metres of heights over which the light changes.
     pub fn new(
@@ -123,30 +145,24 @@ impl LitChart {
         plane.pitch /= f64::from(parts);
         plane.columns *= parts;
         plane.rows *= parts;
-        let step = plane.pitch / (ACROSS_NODES - 1) as f64;
+        let Nodes { across, up } = Nodes::<NODES>::ALL;
         let heights = Heights::new(&plane, gap);
         let count = (plane.columns * plane.rows) as usize;
         let mut patches = Vec::with_capacity(count);
-        let (mut light, mut radiance) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let nodes = count * Nodes::<NODES>::UP;
+        let (mut light, mut radiance) = (Vec::with_capacity(nodes), Vec::with_capacity(nodes));
         for index in 0..count {
             let [column, row] = plane.cell(index);
             let colour = chart.patches[chart.plane.patch(column / parts, row / parts)];
             patches.push(colour);
             let a = f64::from(column) * plane.pitch;
-            let here: PatchLight = UP.map(|up| {
-                let b = heights.height(row, up);
-                std::array::from_fn(|i| irradiance([a + step * i as f64, b]))
-            });
-            light.push(here);
-            radiance.push(here.map(|across| {
-                let mut filled = [0.0; ACROSS];
-                for (node, light) in filled.chunks_exact_mut(3).zip(across) {
-                    for channel in 0..3 {
-                        node[channel] = light[channel] * colour[channel];
-                    }
-                }
-                filled
-            }));
+            for up in up {
+                let b = heights.height(row, *up);
+                let here = across.map(|node| irradiance([a + plane.pitch * node, b]));
+                light.push(here);
+                let [red, green, blue] = colour;
+                radiance.push(here.map(|[r, g, b]| [r * red, g * green, b * blue, 0.0]));
+            }
         }
         Self {
             plane,
@@ -167,19 +183,18 @@ impl LitChart {
         plane
     }
 
-    /// A bound of what the polynomials miss, from where that shows most.
-    fn missed(&self, irradiance: &impl Fn([f64; 2]) -> [f64; 3]) -> f64 {
+    /// A bound of what the polynomials miss, from the points at which the light in half the parts is known.
+    /// They lie dense enough for a highlight that is a quarter of a part wide.
+    pub fn missed(&self, finer: &Self) -> f64 {
+        let Nodes { across, up } = Nodes::<NODES>::ALL;
         let mut missed = 0.0f64;
-        for row in 0..self.plane.rows {
-            for column in 0..self.plane.columns {
-                let patch = self.patch(column, row);
-                let colour = &self.patches[patch];
-                for [across, up] in PROBES {
-                    let a = (f64::from(column) + across) * self.plane.pitch;
-                    let b = self.heights.height(row, up);
-                    let exact = irradiance([a, b]);
-                    let light = self.light_across(column, row, b);
-                    let found = parabola(&light, across);
+        for index in 0..finer.patches.len() {
+            let [column, row] = finer.plane.cell(index);
+            let colour = &finer.patches[index];
+            for (nodes, up) in finer.light[index * up.len()..].iter().zip(up) {
+                let light = self.light_across(column / 2, row / 2, finer.heights.height(row, *up));
+                for (exact, across) in nodes.iter().zip(across) {
+                    let found = polynomial(&light, 0.5 * (f64::from(column % 2) + across));
                     for channel in 0..3 {
                         let off = colour[channel] * (found[channel] - exact[channel]);
                         missed = missed.max(off.abs());
@@ -198,8 +213,8 @@ impl LitChart {
 
     /// The weights of the nodes up a row of patches, at a height in metres.
     #[inline(always)]
-    pub fn weights_up(&self, row: u32, height: f64) -> [f64; UP_NODES] {
-        up_weights(self.heights.within(row, height))
+    pub fn weights_up(&self, row: u32, height: f64) -> [f64; UP_MAX] {
+        up_weights::<NODES>(self.heights.within(row, height))
     }
 
     /// The radiance of a patch at its points across, at the height of these weights.
@@ -208,27 +223,29 @@ impl LitChart {
         &self,
         column: u32,
         row: u32,
-        weights: &[f64; UP_NODES],
-    ) -> [[f64; 3]; ACROSS_NODES] {
-        let radiance = &self.radiance[self.patch(column, row)];
-        let mut across = [0.0; ACROSS];
+        weights: &[f64; UP_MAX],
+    ) -> [[f64; 3]; NODES] {
+        let first = self.patch(column, row) * Nodes::<NODES>::UP;
+        let radiance = &self.radiance[first..first + Nodes::<NODES>::UP];
+        let mut across = [[0.0; CHANNELS]; NODES];
         for (weight, radiance) in weights.iter().zip(radiance) {
-            for (sum, value) in across.iter_mut().zip(radiance) {
+            let values = radiance.as_flattened().iter();
+            for (sum, value) in across.as_flattened_mut().iter_mut().zip(values) {
                 *sum += weight * value;
             }
         }
-        let [r0, g0, b0, r1, g1, b1, r2, g2, b2, ..] = across;
-        [[r0, g0, b0], [r1, g1, b1], [r2, g2, b2]]
+        across.map(|[r, g, b, _]| [r, g, b])
     }
 
     /// The irradiance over pi on a patch at a height in metres, at its points across.
     #[inline(always)]
-    pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; ACROSS_NODES] {
-        let light = &self.light[self.patch(column, row)];
+    pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; NODES] {
+        let first = self.patch(column, row) * Nodes::<NODES>::UP;
+        let light = &self.light[first..first + Nodes::<NODES>::UP];
         let weights = self.weights_up(row, height);
-        let mut across = [[0.0; 3]; ACROSS_NODES];
-        for up in 0..UP_NODES {
-            for node in 0..ACROSS_NODES {
+        let mut across = [[0.0; 3]; NODES];
+        for up in 0..Nodes::<NODES>::UP {
+            for node in 0..NODES {
                 for i in 0..3 {
                     across[node][i] += weights[up] * light[up][node][i];
                 }
@@ -240,15 +257,15 @@ impl LitChart {
 
 /// The weights of the parabola through points at 0, 1/2 and 1, at `along`.
 #[inline(always)]
-fn parabola_weights(along: f64) -> [f64; ACROSS_NODES] {
+fn parabola_weights(along: f64) -> [f64; PARABOLA] {
     let x = 2.0 * along - 1.0;
     [0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]
 }
 
-/// The weights of the polynomial through the nodes up, at `up`.
+/// The weights of the quartic through its points, at `along`.
 #[inline(always)]
-fn up_weights(up: f64) -> [f64; UP_NODES] {
-    let x = 2.0 * up - 1.0;
+fn quartic_weights(along: f64) -> [f64; QUARTIC] {
+    let x = 2.0 * along - 1.0;
     let (outer, inner) = (x * x - 1.0, x * x - 0.5);
     [
         x * (x - 1.0) * inner,
@@ -259,11 +276,61 @@ fn up_weights(up: f64) -> [f64; UP_NODES] {
     ]
 }
 
-/// The parabola through three points, at a position of 0 to 1.
+/// The weights of the points up a patch, at `up`; zeros beyond the last.
 #[inline(always)]
-pub fn parabola(light: &[[f64; 3]; ACROSS_NODES], along: f64) -> [f64; 3] {
-    let [a, b, c] = parabola_weights(along);
-    std::array::from_fn(|i| a * light[0][i] + b * light[1][i] + c * light[2][i])
+fn up_weights<const NODES: usize>(up: f64) -> [f64; UP_MAX] {
+    if NODES == QUARTIC {
+        return lagrange(up);
+    }
+    let [a, b, c, d, e] = quartic_weights(up);
+    [a, b, c, d, e, 0.0, 0.0, 0.0, 0.0]
+}
+
+/// Lagrange's weights of the points [`UP_NODES`], at `up`.
+#[inline(always)]
+fn lagrange(up: f64) -> [f64; UP_MAX] {
+    const SCALES: [f64; UP_MAX] = {
+        let mut scales = [1.0; UP_MAX];
+        let (mut node, mut other) = (0, 0);
+        while node < UP_MAX {
+            if other != node {
+                scales[node] /= UP_NODES[node] - UP_NODES[other];
+            }
+            other += 1;
+            if other == UP_MAX {
+                (node, other) = (node + 1, 0);
+            }
+        }
+        scales
+    };
+    let mut weights = SCALES;
+    // From either end the product of the distances to the points passed.
+    let (mut before, mut after) = (1.0, 1.0);
+    for node in 0..UP_MAX {
+        weights[node] *= before;
+        before *= up - UP_NODES[node];
+        let node = UP_MAX - 1 - node;
+        weights[node] *= after;
+        after *= up - UP_NODES[node];
+    }
+    weights
+}
+
+/// The polynomial through the points of a parabola or a quartic, at a position of 0 to 1.
+#[inline(always)]
+pub fn polynomial<const NODES: usize>(light: &[[f64; 3]; NODES], along: f64) -> [f64; 3] {
+    let mut weights = [0.0; NODES];
+    match NODES {
+        PARABOLA => weights.copy_from_slice(&parabola_weights(along)),
+        _ => weights.copy_from_slice(&quartic_weights(along)),
+    }
+    std::array::from_fn(|i| {
+        let mut sum = weights[0] * light[0][i];
+        for node in 1..NODES {
+            sum += weights[node] * light[node][i];
+        }
+        sum
+    })
 }
 
 #[cfg(test)]
@@ -271,17 +338,30 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_polynomial_up_a_patch_goes_through_its_nodes() {
-        for (node, up) in UP.into_iter().enumerate() {
-            for (other, weight) in up_weights(up).into_iter().enumerate() {
-                let expected = if other == node { 1.0 } else { 0.0 };
-                assert!(
-                    (weight - expected).abs() < 1e-14,
-                    "{node} {other}: {weight}"
-                );
+    fn polynomials_go_through_their_nodes() {
+        fn check<const NODES: usize>() {
+            let Nodes { across, up } = Nodes::<NODES>::ALL;
+            let values: [[f64; 3]; NODES] =
+                std::array::from_fn(|node| [1.0, node as f64, (7 * node % 4) as f64]);
+            for (node, expected) in across.into_iter().zip(values) {
+                for (found, expected) in polynomial(&values, node).into_iter().zip(expected) {
+                    assert!((found - expected).abs() < 1e-13, "{NODES} {node}: {found}");
+                }
             }
+            for (node, up) in up.iter().enumerate() {
+                for (other, weight) in up_weights::<NODES>(*up).into_iter().enumerate() {
+                    let expected = if other == node { 1.0 } else { 0.0 };
+                    assert!(
+                        (weight - expected).abs() < 1e-13,
+                        "{node} {other}: {weight}"
+                    );
+                }
+            }
+            let [across, ..] = polynomial(&values, 0.3);
+            let up: f64 = up_weights::<NODES>(0.3).into_iter().sum();
+            assert!((across - 1.0).abs() < 1e-14 && (up - 1.0).abs() < 1e-13);
         }
-        let sum: f64 = up_weights(0.3).into_iter().sum();
-        assert!((sum - 1.0).abs() < 1e-14);
+        check::<PARABOLA>();
+        check::<QUARTIC>();
     }
 }

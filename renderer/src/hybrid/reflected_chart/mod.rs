@@ -6,6 +6,7 @@ pub mod lit_chart;
 mod wide;
 mod window;
 
+use super::budget::reflected_chart::PATCHES_MAX;
 use super::budget::{
     TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, patch_tile_pixels,
     reflected_chart,
@@ -21,10 +22,11 @@ use crate::numerics::channels::largest_difference;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
+use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use gather::LightBatch;
 use glossy::GlossyChart;
-use lit_chart::LitChart;
+use lit_chart::{LitChart, PARABOLA, QUARTIC};
 use wide::ChartOffWideLobe;
 
 /// Adds the chart in the sample to the film; returns evaluations.
@@ -35,38 +37,93 @@ pub fn add(
     interreflection: &Interreflection,
     reflectance: &Reflectance,
 ) -> u64 {
-    let gap = interreflection.gap();
-    let allowed = view.budget.light_on_chart();
-    let direct = |at: [f64; 2]| [view.bulb_on_chart(&chart.plane, at); 3];
-    let parts = LitChart::parts(chart, gap, (1, allowed), direct);
-    let irradiance = |at: [f64; 2]| {
-        let direct = view.bulb_on_chart(&chart.plane, at);
-        interreflection
-            .on_chart_for_sample(at)
-            .map(|channel| channel + direct)
-    };
-    let allowed = reflected_chart::OFF_SAMPLE_SHARE * allowed;
-    let parts = LitChart::parts(chart, gap, (parts, allowed), irradiance);
-    let lit = LitChart::new(chart, gap, parts, irradiance);
-    let finer = LitChart::new(chart, gap, 2 * parts, irradiance);
-    let add = if is_glossy(reflectance) {
-        add_glossy
-    } else {
-        add_wide
+    let light = Light {
+        view,
+        chart,
+        interreflection,
     };
     let error = interreflection.function_error();
-    add(view, canvas, [&lit, &finer], error, reflectance)
+    match (is_glossy(reflectance), light.by_parabolas_on_patches()) {
+        (false, Some(parabolas)) => add_wide(view, canvas, &parabolas, error, reflectance),
+        (false, None) => add_wide(view, canvas, &light.told::<QUARTIC>(), error, reflectance),
+        (true, Some(parabolas)) => {
+            add_glossy(view, canvas, (&parabolas, &parabolas), error, reflectance)
+        }
+        (true, None) => {
+            let charts = (&light.told::<PARABOLA>(), &light.told::<QUARTIC>());
+            add_glossy(view, canvas, charts, error, reflectance)
+        }
+    }
+}
+
+/// The light on the chart that goes on to the sample.
+struct Light<'a> {
+    view: &'a View,
+    chart: &'a ChartOnFilm,
+    interreflection: &'a Interreflection,
+}
+
+/// The chart with its light told by polynomials, and the same in smaller parts, which tells what these miss.
+struct Told<const NODES: usize> {
+    chart: LitChart<NODES>,
+    finer: LitChart<NODES>,
+}
+
+impl Light<'_> {
+    /// By parabolas on whole patches, if the tolerance lets them.
+    fn by_parabolas_on_patches(&self) -> Option<Told<PARABOLA>> {
+        let [chart, finer] = [1, 2].map(|parts| self.lit(parts));
+        self.serves(&chart, &finer).then_some(Told { chart, finer })
+    }
+
+    /// By polynomials on as few parts as the tolerance asks for.
+    fn told<const NODES: usize>(&self) -> Told<NODES> {
+        let patches = self.chart.patches.len() as u32;
+        let mut chart = self.lit(1);
+        loop {
+            let parts = 2 * chart.parts;
+            let finer = self.lit(parts);
+            if parts * parts * patches > PATCHES_MAX || self.serves(&chart, &finer) {
+                return Told { chart, finer };
+            }
+            chart = finer;
+        }
+    }
+
+    /// The chart in parts, with all of its light.
+    fn lit<const NODES: usize>(&self, parts: u32) -> LitChart<NODES> {
+        let gap = self.interreflection.gap();
+        LitChart::new(self.chart, gap, parts, |at| self.irradiance(at))
+    }
+
+    /// Whether polynomials miss no more than the tolerance lets them: of the bulb's light on the chart, and of all.
+    fn serves<const NODES: usize>(&self, chart: &LitChart<NODES>, finer: &LitChart<NODES>) -> bool {
+        let gap = self.interreflection.gap();
+        let allowed = self.view.budget.light_on_chart();
+        let direct = |at: [f64; 2]| [self.view.bulb_on_chart(&self.chart.plane, at); 3];
+        let [direct, finer_direct] =
+            [chart, finer].map(|all| LitChart::<NODES>::new(self.chart, gap, all.parts, direct));
+        direct.missed(&finer_direct) <= allowed
+            && chart.missed(finer) <= reflected_chart::OFF_SAMPLE_SHARE * allowed
+    }
+
+    /// Over pi.
+    fn irradiance(&self, at: [f64; 2]) -> [f64; 3] {
+        let direct = self.view.bulb_on_chart(&self.chart.plane, at);
+        let off_sample = self.interreflection.on_chart_for_sample(at);
+        off_sample.map(|channel| channel + direct)
+    }
 }
 
 /// Adds the chart off a lobe that is not glossy; returns evaluations.
-fn add_wide(
+fn add_wide<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    [chart, finer]: [&LitChart; 2],
+    Told { chart, finer }: &Told<NODES>,
     function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
-    let detail = Detail::new(view, chart, reflectance);
+    let detail = Detail::new(view, chart.whole_plane(), reflectance);
     let side_max = detail.side_max(view.budget.wide_tile);
     let accuracy = view
         .budget
@@ -90,15 +147,16 @@ fn add_wide(
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
 
-/// Adds the chart off a glossy lobe; returns evaluations.
-fn add_glossy(
+/// Adds the chart off a glossy lobe; returns evaluations. The light is told by parabolas, and for the points at
+/// which the rules of a wide lobe serve by polynomials of any degree.
+fn add_glossy<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    charts: [&LitChart; 2],
+    (parabolas, polynomials): (&Told<PARABOLA>, &Told<NODES>),
     function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
-    let detail = Detail::new(view, charts[0], reflectance);
+    let detail = Detail::new(view, parabolas.chart.whole_plane(), reflectance);
     let side_max = detail.side_max(glossy_budget::TILE);
     let accuracy = view
         .budget
@@ -112,12 +170,12 @@ fn add_glossy(
         tolerance: view.budget.glossy_rule,
         shares: TILING,
     };
-    let [chart, finer] =
-        charts.map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
+    let [chart, finer] = [&parabolas.chart, &parabolas.finer]
+        .map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
     let wide = ChartOffWideLobe {
         view,
-        chart: charts[0],
-        finer: charts[1],
+        chart: &polynomials.chart,
+        finer: &polynomials.finer,
         reflectance,
         function_error,
     };
@@ -155,8 +213,8 @@ struct Detail {
 }
 
 impl Detail {
-    fn new(view: &View, chart: &LitChart, reflectance: &Reflectance) -> Self {
-        let plane = chart.whole_plane();
+    /// For a chart in whole patches.
+    fn new(view: &View, plane: ChartPlane, reflectance: &Reflectance) -> Self {
         let [width, height] = plane.size();
         let distance = 0.5 * (plane.corner.y.abs() + height);
         let lobe = &reflectance.lobe;
@@ -200,16 +258,16 @@ impl Detail {
 }
 
 /// The chart off a glossy lobe.
-struct ChartOffGlossyLobe<'a> {
+struct ChartOffGlossyLobe<'a, const NODES: usize> {
     chart: &'a GlossyChart<'a>,
     /// The same with the chart in smaller parts.
     finer: &'a GlossyChart<'a>,
     /// What serves where no polynomial along the lobe's narrow axis tells the light: seen at a slant
     /// and from near by, it may bend too much over the lobe.
-    wide: ChartOffWideLobe<'a>,
+    wide: ChartOffWideLobe<'a, NODES>,
 }
 
-impl Shade for ChartOffGlossyLobe<'_> {
+impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     type Scratch = (glossy::Scratch, LightBatch);
 
     fn at(

@@ -17,17 +17,17 @@ use crate::vector::Vec3;
 use std::f64::consts::FRAC_1_PI;
 
 /// The chart off a wide lobe.
-pub struct ChartOffWideLobe<'a> {
+pub struct ChartOffWideLobe<'a, const NODES: usize> {
     pub view: &'a View,
-    pub chart: &'a LitChart,
+    pub chart: &'a LitChart<NODES>,
     /// The same in smaller parts, which tells what its polynomials miss.
-    pub finer: &'a LitChart,
+    pub finer: &'a LitChart<NODES>,
     pub reflectance: &'a Reflectance,
     /// What the light on the chart may be off by.
     pub function_error: FunctionError,
 }
 
-impl Shade for ChartOffWideLobe<'_> {
+impl<const NODES: usize> Shade for ChartOffWideLobe<'_, NODES> {
     type Scratch = LightBatch;
 
     fn at(
@@ -55,10 +55,10 @@ impl Shade for ChartOffWideLobe<'_> {
     }
 }
 
-impl ChartOffWideLobe<'_> {
+impl<const NODES: usize> ChartOffWideLobe<'_, NODES> {
     fn off(
         &self,
-        chart: &LitChart,
+        chart: &LitChart<NODES>,
         scratch: &mut LightBatch,
         film_point: [f64; 2],
         tolerance: Tolerance,
@@ -79,8 +79,8 @@ impl ChartOffWideLobe<'_> {
 
 /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
 /// units of white, and how many evaluations it took; for a wide lobe.
-fn reflected(
-    chart: &LitChart,
+fn reflected<const NODES: usize>(
+    chart: &LitChart<NODES>,
     position: Vec3,
     wo: Vec3,
     reflectance: &Reflectance,
@@ -154,5 +154,93 @@ kernel! {
             }
         }
         sums.map(|channels| channels.map(total))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::PreparedView;
+    use crate::hybrid::reflected_chart::lit_chart::QUARTIC;
+    use crate::scene::Scene;
+    use dataset::{Material, Specification};
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    /// A lobe that is narrow along one axis alone. Away from the direction of perfect reflection it is narrower than
+    /// there, and a rule that knew only the width there missed up to 1.4 percent of it in whole patches, however
+    /// many digits were asked for.
+    #[test]
+    fn a_ridge_has_the_same_light_from_whole_patches_and_from_parts() {
+        let specification = Specification::preset();
+        let mut random = ChaCha8Rng::seed_from_u64(20_261_127);
+        let mut between = |low: f64, high: f64| {
+            let uniform = (random.next_u64() >> 11) as f64 / (1u64 << 53) as f64;
+            low + uniform * (high - low)
+        };
+        let mut lit = 0;
+        for draw in 0..90 {
+            let view = draw % 6;
+            let scene = Scene::new(&specification, view, BackendChoice::Native)
+                .expect("a backend")
+                .expect("a scene");
+            let material = Material {
+                // Exponents from 1,300 to 10,000, and below 30.
+                roughness: between(4.6, 9.0),
+                anisotropy: between(0.7, 1.0),
+                angle_deg: between(0.0, 180.0),
+                // At 1 grazing light alone is reflected.
+                ior: if draw % 2 == 0 {
+                    1.0
+                } else {
+                    between(1.0, 10.0)
+                },
+                ..specification.material(7).material
+            };
+            let rotation = specification.views[view].rotation_deg;
+            let reflectance = Reflectance::new(&material, rotation, specification.tint);
+            let PreparedView { view, chart } =
+                PreparedView::new(&scene, &specification).expect("a view for hybrid");
+            let chart = chart.expect("the chart shows");
+            let tolerance = view.budget.wide_rule.finer();
+            let [whole, parts] =
+                [1, 8].map(|parts| LitChart::<QUARTIC>::new(&chart, 0.01, parts, |_| [1.0; 3]));
+            let mut pairs = Vec::new();
+            while pairs.len() < 20 {
+                let (position, wo) = view.sample_point([between(0.0, 128.0), between(0.0, 128.0)]);
+                if position.x.abs().max(position.y.abs()) > view.sample_half || wo.z <= 0.0 {
+                    continue;
+                }
+                pairs.push([&whole, &parts].map(|chart| {
+                    let batch = &mut LightBatch::default();
+                    let instructions = view.instructions;
+                    reflected(
+                        chart,
+                        position,
+                        wo,
+                        &reflectance,
+                        tolerance,
+                        instructions,
+                        batch,
+                    )
+                    .0
+                }));
+            }
+            let largest = pairs
+                .iter()
+                .flatten()
+                .flatten()
+                .fold(0.0f64, |a, b| a.max(*b));
+            lit += usize::from(largest > 0.0);
+            for [whole, parts] in pairs {
+                let off = largest_difference(whole, parts);
+                assert!(
+                    off <= 3e-4 * largest,
+                    "draw {draw}: {whole:?} {parts:?} {material:?}"
+                );
+            }
+        }
+        assert!(lit > 60, "{lit}");
     }
 }

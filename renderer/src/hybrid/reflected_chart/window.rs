@@ -3,6 +3,7 @@
 use crate::hybrid::budget::wide::{TAIL_DIGITS, WINDOW_REACH_MAX};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
+use crate::reflectance::lobe::Lobe;
 use crate::reflectance::slope_plane::Slopes;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
@@ -14,6 +15,12 @@ const BOUNDARY_STEPS: u32 = 4;
 /// What is added to a window on either side, as a share of it.
 const WINDOW_MARGIN: f64 = 0.05;
 
+/// Directions count as no lower than this sine when widths are told.
+const LEAST_HEIGHT: f64 = 0.05;
+
+/// And cosines as no smaller than this.
+const COSINE_LEAST: f64 = 1e-3;
+
 /// The directions that a lobe reaches, as a box of sines from the plane across x and of angles
 /// beta in it, and its widths there.
 pub struct Window {
@@ -21,8 +28,18 @@ pub struct Window {
     pub low: [f64; 2],
     /// The largest.
     pub high: [f64; 2],
-    /// The widths.
-    pub width: [f64; 2],
+    /// The widths, if it is not far.
+    width: [f64; 2],
+    /// Of a lobe that reaches far along one axis at least.
+    far: Option<FarLobe>,
+}
+
+/// A lobe that reaches far: away from the direction of perfect reflection it grows narrower.
+#[derive(Clone, Copy)]
+struct FarLobe {
+    lobe: Lobe,
+    /// Toward the viewer.
+    wo: Vec3,
 }
 
 impl Window {
@@ -48,7 +65,8 @@ impl Window {
         let mut window = Self {
             low: [-1.0, 0.0],
             high: [1.0, PI],
-            width: [width * wo.z.max(0.05), width],
+            width: [width * wo.z.max(LEAST_HEIGHT), width],
+            far: wide.then_some(FarLobe { lobe: *lobe, wo }),
         };
         if wide {
             return window;
@@ -83,5 +101,47 @@ impl Window {
             window.high[axis] = window.high[axis].min(high[axis] + WINDOW_MARGIN * reach);
         }
         window
+    }
+
+    /// How many of the lobe's widths a turn of light is long, for each unit of its sine from the plane across x, at
+    /// this sine. `across` are the cosine and the sine of its angle in that plane.
+    #[inline(always)]
+    pub fn widths_sideways(&self, sine: f64, [y, z]: [f64; 2]) -> f64 {
+        let Some(lobe) = &self.far else {
+            return 1.0 / self.width[0];
+        };
+        let cos = (1.0 - sine * sine).max(COSINE_LEAST * COSINE_LEAST).sqrt();
+        let tan = sine / cos;
+        let turn = Vec3::new(1.0, -tan * y, -tan * z);
+        lobe.widths(Vec3::new(sine, cos * y, cos * z), turn)
+    }
+
+    /// The same for each radian of the angle.
+    #[inline(always)]
+    pub fn widths_up(&self, sine: f64, [y, z]: [f64; 2]) -> f64 {
+        let Some(lobe) = &self.far else {
+            return 1.0 / self.width[1];
+        };
+        let cos = (1.0 - sine * sine).max(0.0).sqrt();
+        let turn = Vec3::new(0.0, -cos * z, cos * y);
+        lobe.widths(Vec3::new(sine, cos * y, cos * z), turn)
+    }
+}
+
+impl FarLobe {
+    /// How many widths light moves over the lobe as it turns from `wi` by this much.
+    #[inline(always)]
+    fn widths(&self, wi: Vec3, turn: Vec3) -> f64 {
+        let sum = self.wo + wi;
+        let per_height = 1.0 / sum.z.max(2.0 * LEAST_HEIGHT);
+        // The half vector's slopes are (x, y) / z of the sum.
+        let slopes = sum * per_height;
+        let change = (turn - slopes * turn.z) * per_height;
+        let change = self.lobe.to_lobe(change);
+        let square = self.lobe.n_u * change.x * change.x + self.lobe.n_v * change.y * change.y;
+        // The lobe is exp(-(n_u u^2 + n_v v^2) ln(1 + s) / (2 s)) of slopes whose squared length is s, and
+        // ln(1 + s) / s is at most (6 + s) / (6 + 4 s).
+        let s = slopes.x * slopes.x + slopes.y * slopes.y;
+        (square * (6.0 + s) / (6.0 + 4.0 * s)).sqrt()
     }
 }

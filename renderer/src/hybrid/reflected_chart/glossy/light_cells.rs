@@ -4,13 +4,13 @@
 //! a patch across and of equal lengths up in ln(1 + height / gap), so short that a parabola serves.
 
 use crate::hybrid::budget::glossy::CELL_HEIGHT;
-use crate::hybrid::reflected_chart::lit_chart::{ACROSS_NODES, LitChart};
+use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
 
 /// Three channels and one that is 0: together a vector.
 pub const CHANNELS: usize = 4;
 
 /// Points along a cell's side, ends included; a parabola goes through them.
-const NODES: usize = ACROSS_NODES;
+const NODES: usize = PARABOLA;
 
 /// A polynomial in the position in a cell, 0 to 1 along its sides: irradiance over pi, in units of white. By
 /// power up, power across and channel.
@@ -75,7 +75,7 @@ pub struct LightCells {
 
 impl LightCells {
     /// Those of a chart.
-    pub fn new(chart: &LitChart) -> Self {
+    pub fn new(chart: &LitChart<PARABOLA>) -> Self {
         let (plane, gap) = (&chart.plane, chart.heights.gap);
         let [_, height] = plane.size();
         let length = libm::log1p(height / gap);

@@ -61,7 +61,7 @@ mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
     use crate::hybrid::PreparedView;
-    use crate::hybrid::reflected_chart::lit_chart::LitChart;
+    use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
     use crate::reflectance::Reflectance;
     use crate::scene::Scene;
     use dataset::Specification;
@@ -82,7 +82,8 @@ mod tests {
             let Some(chart) = prepared.chart.as_ref() else {
                 continue;
             };
-            let lit = LitChart::new(chart, 0.01, 1, |at| [1.0 + at[0], 0.5 + at[1], 0.7]);
+            let lit =
+                LitChart::<PARABOLA>::new(chart, 0.01, 1, |at| [1.0 + at[0], 0.5 + at[1], 0.7]);
             let glossy = GlossyChart::new(&lit, &reflectance, prepared.view.instructions);
             let tolerance = prepared.view.budget.glossy_rule;
             for step in 0..400 {

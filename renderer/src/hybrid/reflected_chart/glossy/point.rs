@@ -7,7 +7,7 @@ use super::moments::Order;
 use crate::hybrid::budget::glossy::{
     CONSTANT_EXPONENT, CORNERS_MAX, PARABOLA_EXPONENT, QUARTIC_EXPONENT, TAIL_DIGITS,
 };
-use crate::hybrid::reflected_chart::lit_chart::LitChart;
+use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
 use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
@@ -34,7 +34,11 @@ pub struct GlossyChart<'a> {
 
 impl<'a> GlossyChart<'a> {
     /// Of a chart and a material.
-    pub fn new(chart: &LitChart, reflectance: &'a Reflectance, instructions: Instructions) -> Self {
+    pub fn new(
+        chart: &LitChart<PARABOLA>,
+        reflectance: &'a Reflectance,
+        instructions: Instructions,
+    ) -> Self {
         let lobe = &reflectance.lobe;
         let plane = chart.whole_plane();
         let per_pitch = 1.0 / plane.pitch;
