@@ -7,14 +7,15 @@
 //! `steps.rs` says how steps are chosen.
 //!
 //! Images bend where the tint meets its knee, and a step over the bend misses the derivative on
-//! either side. Where many derivatives of an image are not sure, they are taken again over a shorter
-//! step, and each keeps the surer of both.
+//! either side. Where many derivatives of an image are not sure, they are taken again over shorter
+//! steps, and each keeps the surest.
 
 use crate::encoding::Encoding;
 use crate::error::InverseError;
 use crate::observation::check_views;
 use crate::parameters::{PARAMETERS, Theta};
 use crate::steps::{self, Point};
+use dataset::specification::Accuracy;
 use dataset::{Material, Specification};
 use renderer::{Discretization, Renderer, film::FilmPixel, geometry::BackendChoice};
 
@@ -24,13 +25,18 @@ const NOTABLE: f64 = 1e-4;
 /// What a notable derivative may be unsure by, as a share of it.
 const UNSURE: f64 = 0.01;
 
-/// The share of an image's notable derivatives that may be unsure before they are taken again. Chosen:
-/// some are unsure in every image, at edges.
+/// The share of an image's notable derivatives that may be unsure before they are taken again, at the preset's
+/// accuracy. Chosen: some are unsure in every image, by the renderings' error. At tighter accuracies fewer are: the
+/// share goes with the accuracy.
 const UNSURE_SHARE_MAX: f64 = 0.05;
+const PRESET_ACCURACY: f64 = 1e-3;
 
-/// The step of derivatives that are taken again, as a share of the first. Chosen: the renderings'
-/// error then moves them by about 1e-4 of white over a length of 1/2.
-const SHORTER: f64 = 0.125;
+/// The steps of derivatives that are taken again, as shares of the first. At the first of them the error of renderings
+/// at the preset's accuracy moves derivatives by about 1e-4 of white over a length of 1/2.
+const SHORTER: [f64; 2] = [0.125, 0.015_625];
+
+/// The second is for accuracies of at most this, at which it moves them by no more.
+const TIGHT_ACCURACY: f64 = 1e-4;
 
 /// How many renderings of each view [`Differentiator::views`] takes at most.
 pub const RENDERINGS_MAX: usize = steps::RENDERINGS_MAX;
@@ -162,16 +168,22 @@ impl Differentiator {
         bases: &[&Base],
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
         let mut found = self.quotients(theta, parameter, views, bases, 1.0)?;
-        let unsure = (0..views.len()).filter(|&place| found[place].is_unsure());
-        let unsure: Vec<usize> = unsure.collect();
-        if unsure.is_empty() {
-            return Ok(found);
-        }
-        let views: Vec<u32> = unsure.iter().map(|&place| views[place]).collect();
-        let bases: Vec<&Base> = unsure.iter().map(|&place| bases[place]).collect();
-        let again = self.quotients(theta, parameter, &views, &bases, SHORTER)?;
-        for (place, again) in unsure.into_iter().zip(again) {
-            found[place].keep_surer(&again);
+        let Accuracy { relative, absolute } = self.specification.accuracy;
+        let accuracy = relative.max(absolute);
+        let most = UNSURE_SHARE_MAX * (accuracy / PRESET_ACCURACY).min(1.0);
+        let levels = if accuracy <= TIGHT_ACCURACY { 2 } else { 1 };
+        for shorter in &SHORTER[..levels] {
+            let unsure = (0..views.len()).filter(|&place| found[place].is_unsure(most));
+            let unsure: Vec<usize> = unsure.collect();
+            if unsure.is_empty() {
+                break;
+            }
+            let views: Vec<u32> = unsure.iter().map(|&place| views[place]).collect();
+            let bases: Vec<&Base> = unsure.iter().map(|&place| bases[place]).collect();
+            let again = self.quotients(theta, parameter, &views, &bases, *shorter)?;
+            for (place, again) in unsure.into_iter().zip(again) {
+                found[place].keep_surer(&again);
+            }
         }
         Ok(found)
     }
@@ -232,8 +244,8 @@ impl Sums {
 }
 
 impl ParameterDerivative {
-    /// Whether many notable derivatives are not sure.
-    fn is_unsure(&self) -> bool {
+    /// Whether more than a share of the notable derivatives are not sure.
+    fn is_unsure(&self, share_max: f64) -> bool {
         let (mut notable, mut unsure) = (0usize, 0usize);
         let values = self.values.as_flattened().iter();
         for (value, disagreement) in values.zip(self.disagreements.as_flattened()) {
@@ -243,7 +255,7 @@ impl ParameterDerivative {
                 unsure += usize::from(*disagreement > UNSURE * value.abs());
             }
         }
-        unsure as f64 > UNSURE_SHARE_MAX * notable as f64
+        unsure as f64 > share_max * notable as f64
     }
 
     /// Takes those of another that are clearly surer: the quotients of a shorter step can also agree by
