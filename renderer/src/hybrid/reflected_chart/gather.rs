@@ -80,7 +80,7 @@ kernel! {
                 let (_, high, per_angle_at_end) = begin;
                 let widths = (high - low) * per_angle.max(per_angle_at_end);
                 let more = tolerance.more_beside(to - from);
-                let (parts, rule) = parts(widths, more, tolerance);
+                let (parts, rule) = parts(widths, more, tolerance, window.is_ridge());
                 let mut low = from;
                 for part in 0..parts {
                     let high = end_of_part([from, to], part, parts);
@@ -125,7 +125,8 @@ fn gather_line<const NODES: usize>(
     let mut bends = bends[..count].iter().copied().peekable();
     let up = chart.weights_up(line.row, line.height);
     let mut from = Place::new(ends[0]);
-    let mut per_sine = window.widths_sideways(from.sine, [line.cos, line.sin]);
+    let across = [line.cos, line.sin];
+    let mut per_angle = window.widths_sideways(from.sine, across);
     for column in 0..plane.columns {
         let edge = t_of(along(column + 1)).min(high);
         if edge <= from.t {
@@ -136,10 +137,13 @@ fn gather_line<const NODES: usize>(
         while from.t < edge {
             let to = Place::new(bends.next_if(|bend| *bend < edge).unwrap_or(edge));
             let more = tolerance.more_beside((to.t - from.t) / (from.root * to.root));
-            let end = window.widths_sideways(to.sine, [line.cos, line.sin]);
-            let widths = (to.sine - from.sine) * end.max(per_sine);
-            per_sine = end;
-            let (parts, rule) = parts(widths, more, tolerance);
+            let end = window.widths_sideways(to.sine, across);
+            let widths = match (per_angle, end) {
+                (Some(one), Some(other)) => from.angle_to(&to) * one.max(other),
+                _ => (to.sine - from.sine) / window.width[0],
+            };
+            per_angle = end;
+            let (parts, rule) = parts(widths, more, tolerance, window.is_ridge());
             let mut low = from.t;
             for part in 0..parts {
                 let high = end_of_part([from.t, to.t], part, parts);
@@ -167,12 +171,17 @@ fn gather_line<const NODES: usize>(
     }
 }
 
-/// Into how many parts an interval of this many widths is cut, and the rule that each takes: more than one where no
-/// rule has as many points as the whole takes.
+/// Into how many parts an interval of this many widths is cut, and the rule that each takes: for a ridge more than one
+/// where no rule has as many points as the whole takes.
 #[inline(always)]
-fn parts(widths: f64, more: f64, tolerance: Tolerance) -> (usize, &'static GaussRule) {
+fn parts(
+    widths: f64,
+    more: f64,
+    tolerance: Tolerance,
+    is_ridge: bool,
+) -> (usize, &'static GaussRule) {
     let points = tolerance.points(widths, more);
-    if points <= POINTS_MAX {
+    if points <= POINTS_MAX || !is_ridge {
         return (1, GaussRule::of(points));
     }
     let parts = points.div_ceil(POINTS_MAX);
@@ -204,7 +213,10 @@ fn widths_up(plane: &ChartPlane, window: &Window, [left, height]: [f64; 2], s: f
     for along in [left, 0.0f64.clamp(left, right), right] {
         let sine = along / (along * along + reach * reach).sqrt();
         let sine = sine.clamp(window.low[0], window.high[0]);
-        most = most.max(window.widths_up(sine, [across.y, across.z]));
+        let Some(widths) = window.widths_up(sine, [across.y, across.z]) else {
+            return 1.0 / window.width[1];
+        };
+        most = most.max(widths);
     }
     most
 }
@@ -225,6 +237,13 @@ impl Place {
             root: t.sqrt(),
             sine: sine(t),
         }
+    }
+
+    /// About the angle to a farther place, and never less: t is the tangent of a half and of an eighth of a turn.
+    #[inline(always)]
+    fn angle_to(&self, farther: &Self) -> f64 {
+        let tangent = (farther.t - self.t) / (1.0 + self.t * farther.t);
+        (2.0 * tangent).min(PI)
     }
 }
 

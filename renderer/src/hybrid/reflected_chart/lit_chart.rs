@@ -67,6 +67,8 @@ struct Nodes<const NODES: usize> {
     across: [f64; NODES],
     /// Where up a patch, in the logarithm of the height.
     up: &'static [f64],
+    /// About where they miss most, across and up.
+    probes: [[f64; 2]; 4],
 }
 
 impl<const NODES: usize> Nodes<NODES> {
@@ -75,9 +77,13 @@ impl<const NODES: usize> Nodes<NODES> {
         match NODES {
             PARABOLA => {
                 across.copy_from_slice(&[0.0, 0.5, 1.0]);
+                // A parabola misses most of a cubic at (1 -+ 1/sqrt(3))/2.
+                const LOW: f64 = 0.211_324_865_405_187_13;
+                const HIGH: f64 = 1.0 - LOW;
                 Self {
                     across,
                     up: &QUARTIC_NODES,
+                    probes: [[LOW, 0.06], [HIGH, 0.31], [LOW, 0.69], [HIGH, 0.94]],
                 }
             }
             QUARTIC => {
@@ -85,6 +91,7 @@ impl<const NODES: usize> Nodes<NODES> {
                 Self {
                     across,
                     up: &UP_NODES,
+                    probes: [[0.06, 0.01], [0.31, 0.22], [0.69, 0.6], [0.94, 0.92]],
                 }
             }
             _ => panic!("no such polynomial"),
@@ -129,7 +136,7 @@ impl Heights {
     }
 }
 
-/// What is missed between those points is at most this many times what is missed at them.
+/// What is missed between the probes is at most this many times what is missed at them.
 const MISSED_MARGIN: f64 = 1.5;
 
 impl<const NODES: usize> LitChart<NODES> {
@@ -145,7 +152,7 @@ impl<const NODES: usize> LitChart<NODES> {
         plane.pitch /= f64::from(parts);
         plane.columns *= parts;
         plane.rows *= parts;
-        let Nodes { across, up } = Nodes::<NODES>::ALL;
+        let Nodes { across, up, .. } = Nodes::<NODES>::ALL;
         let heights = Heights::new(&plane, gap);
         let count = (plane.columns * plane.rows) as usize;
         let mut patches = Vec::with_capacity(count);
@@ -183,18 +190,19 @@ impl<const NODES: usize> LitChart<NODES> {
         plane
     }
 
-    /// A bound of what the polynomials miss, from the points at which the light in half the parts is known.
-    /// They lie dense enough for a highlight that is a quarter of a part wide.
-    pub fn missed(&self, finer: &Self) -> f64 {
-        let Nodes { across, up } = Nodes::<NODES>::ALL;
+    /// A bound of what the polynomials miss, from where that shows most.
+    pub fn missed(&self, irradiance: impl Fn([f64; 2]) -> [f64; 3]) -> f64 {
         let mut missed = 0.0f64;
-        for index in 0..finer.patches.len() {
-            let [column, row] = finer.plane.cell(index);
-            let colour = &finer.patches[index];
-            for (nodes, up) in finer.light[index * up.len()..].iter().zip(up) {
-                let light = self.light_across(column / 2, row / 2, finer.heights.height(row, *up));
-                for (exact, across) in nodes.iter().zip(across) {
-                    let found = polynomial(&light, 0.5 * (f64::from(column % 2) + across));
+        for row in 0..self.plane.rows {
+            for column in 0..self.plane.columns {
+                let patch = self.patch(column, row);
+                let colour = &self.patches[patch];
+                for [across, up] in Nodes::<NODES>::ALL.probes {
+                    let a = (f64::from(column) + across) * self.plane.pitch;
+                    let b = self.heights.height(row, up);
+                    let exact = irradiance([a, b]);
+                    let light = self.light_across(column, row, b);
+                    let found = polynomial(&light, across);
                     for channel in 0..3 {
                         let off = colour[channel] * (found[channel] - exact[channel]);
                         missed = missed.max(off.abs());
@@ -340,7 +348,7 @@ mod tests {
     #[test]
     fn polynomials_go_through_their_nodes() {
         fn check<const NODES: usize>() {
-            let Nodes { across, up } = Nodes::<NODES>::ALL;
+            let Nodes { across, up, .. } = Nodes::<NODES>::ALL;
             let values: [[f64; 3]; NODES] =
                 std::array::from_fn(|node| [1.0, node as f64, (7 * node % 4) as f64]);
             for (node, expected) in across.into_iter().zip(values) {

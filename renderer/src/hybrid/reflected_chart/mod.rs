@@ -72,39 +72,39 @@ struct Told<const NODES: usize> {
 impl Light<'_> {
     /// By parabolas on whole patches, if the tolerance lets them.
     fn by_parabolas_on_patches(&self) -> Option<Told<PARABOLA>> {
-        let [chart, finer] = [1, 2].map(|parts| self.lit(parts));
-        self.serves(&chart, &finer).then_some(Told { chart, finer })
+        let serves = self.serve::<PARABOLA>(1);
+        serves.then(|| self.in_parts(1))
     }
 
     /// By polynomials on as few parts as the tolerance asks for.
     fn told<const NODES: usize>(&self) -> Told<NODES> {
         let patches = self.chart.patches.len() as u32;
-        let mut chart = self.lit(1);
-        loop {
-            let parts = 2 * chart.parts;
-            let finer = self.lit(parts);
-            if parts * parts * patches > PATCHES_MAX || self.serves(&chart, &finer) {
-                return Told { chart, finer };
-            }
-            chart = finer;
+        let mut parts = 1;
+        while !self.serve::<NODES>(parts) && (2 * parts) * (2 * parts) * patches <= PATCHES_MAX {
+            parts *= 2;
         }
+        self.in_parts(parts)
     }
 
-    /// The chart in parts, with all of its light.
-    fn lit<const NODES: usize>(&self, parts: u32) -> LitChart<NODES> {
+    fn in_parts<const NODES: usize>(&self, parts: u32) -> Told<NODES> {
         let gap = self.interreflection.gap();
-        LitChart::new(self.chart, gap, parts, |at| self.irradiance(at))
+        let [chart, finer] = [parts, 2 * parts]
+            .map(|parts| LitChart::new(self.chart, gap, parts, |at| self.irradiance(at)));
+        Told { chart, finer }
     }
 
-    /// Whether polynomials miss no more than the tolerance lets them: of the bulb's light on the chart, and of all.
-    fn serves<const NODES: usize>(&self, chart: &LitChart<NODES>, finer: &LitChart<NODES>) -> bool {
+    /// Whether polynomials on such parts of patches miss no more than the tolerance lets them: of the bulb's light
+    /// on the chart, and of all.
+    fn serve<const NODES: usize>(&self, parts: u32) -> bool {
         let gap = self.interreflection.gap();
         let allowed = self.view.budget.light_on_chart();
         let direct = |at: [f64; 2]| [self.view.bulb_on_chart(&self.chart.plane, at); 3];
-        let [direct, finer_direct] =
-            [chart, finer].map(|all| LitChart::<NODES>::new(self.chart, gap, all.parts, direct));
-        direct.missed(&finer_direct) <= allowed
-            && chart.missed(finer) <= reflected_chart::OFF_SAMPLE_SHARE * allowed
+        let missed_of_direct =
+            LitChart::<NODES>::new(self.chart, gap, parts, direct).missed(direct);
+        let all = |at: [f64; 2]| self.irradiance(at);
+        missed_of_direct <= allowed
+            && LitChart::<NODES>::new(self.chart, gap, parts, all).missed(all)
+                <= reflected_chart::OFF_SAMPLE_SHARE * allowed
     }
 
     /// Over pi.

@@ -1,5 +1,6 @@
 //! The directions that a lobe reaches.
 
+use crate::hybrid::budget::is_glossy;
 use crate::hybrid::budget::wide::{TAIL_DIGITS, WINDOW_REACH_MAX};
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
@@ -18,9 +19,6 @@ const WINDOW_MARGIN: f64 = 0.05;
 /// Directions count as no lower than this sine when widths are told.
 const LEAST_HEIGHT: f64 = 0.05;
 
-/// And cosines as no smaller than this.
-const COSINE_LEAST: f64 = 1e-3;
-
 /// The directions that a lobe reaches, as a box of sines from the plane across x and of angles
 /// beta in it, and its widths there.
 pub struct Window {
@@ -28,15 +26,16 @@ pub struct Window {
     pub low: [f64; 2],
     /// The largest.
     pub high: [f64; 2],
-    /// The widths, if it is not far.
-    width: [f64; 2],
-    /// Of a lobe that reaches far along one axis at least.
-    far: Option<FarLobe>,
+    /// The widths, for a lobe that is no ridge.
+    pub width: [f64; 2],
+    /// Of a lobe that is narrow along one axis and reaches far along the other.
+    ridge: Option<Ridge>,
 }
 
-/// A lobe that reaches far: away from the direction of perfect reflection it grows narrower.
+/// A lobe that is narrow along one axis and reaches far along the other: away from the direction of perfect reflection
+/// it grows narrower.
 #[derive(Clone, Copy)]
-struct FarLobe {
+struct Ridge {
     lobe: Lobe,
     /// Toward the viewer.
     wo: Vec3,
@@ -66,7 +65,7 @@ impl Window {
             low: [-1.0, 0.0],
             high: [1.0, PI],
             width: [width * wo.z.max(LEAST_HEIGHT), width],
-            far: wide.then_some(FarLobe { lobe: *lobe, wo }),
+            ridge: (wide && is_glossy(reflectance)).then_some(Ridge { lobe: *lobe, wo }),
         };
         if wide {
             return window;
@@ -103,32 +102,34 @@ impl Window {
         window
     }
 
-    /// How many of the lobe's widths a turn of light is long, for each unit of its sine from the plane across x, at
-    /// this sine. `across` are the cosine and the sine of its angle in that plane.
+    /// How many of the lobe's widths long a turn of light from the plane across x is, for each radian, at this sine
+    /// from the plane. `across` are the cosine and the sine of its angle in the plane. `None` for a lobe that is no
+    /// ridge.
     #[inline(always)]
-    pub fn widths_sideways(&self, sine: f64, [y, z]: [f64; 2]) -> f64 {
-        let Some(lobe) = &self.far else {
-            return 1.0 / self.width[0];
-        };
-        let cos = (1.0 - sine * sine).max(COSINE_LEAST * COSINE_LEAST).sqrt();
-        let tan = sine / cos;
-        let turn = Vec3::new(1.0, -tan * y, -tan * z);
-        lobe.widths(Vec3::new(sine, cos * y, cos * z), turn)
+    pub fn widths_sideways(&self, sine: f64, [y, z]: [f64; 2]) -> Option<f64> {
+        let ridge = self.ridge.as_ref()?;
+        let cos = (1.0 - sine * sine).max(0.0).sqrt();
+        let turn = Vec3::new(cos, -sine * y, -sine * z);
+        Some(ridge.widths(Vec3::new(sine, cos * y, cos * z), turn))
     }
 
-    /// The same for each radian of the angle.
+    /// Whether the lobe is narrow along one axis and reaches far along the other.
     #[inline(always)]
-    pub fn widths_up(&self, sine: f64, [y, z]: [f64; 2]) -> f64 {
-        let Some(lobe) = &self.far else {
-            return 1.0 / self.width[1];
-        };
+    pub fn is_ridge(&self) -> bool {
+        self.ridge.is_some()
+    }
+
+    /// The same of a turn in that plane.
+    #[inline(always)]
+    pub fn widths_up(&self, sine: f64, [y, z]: [f64; 2]) -> Option<f64> {
+        let ridge = self.ridge.as_ref()?;
         let cos = (1.0 - sine * sine).max(0.0).sqrt();
         let turn = Vec3::new(0.0, -cos * z, cos * y);
-        lobe.widths(Vec3::new(sine, cos * y, cos * z), turn)
+        Some(ridge.widths(Vec3::new(sine, cos * y, cos * z), turn))
     }
 }
 
-impl FarLobe {
+impl Ridge {
     /// How many widths light moves over the lobe as it turns from `wi` by this much.
     #[inline(always)]
     fn widths(&self, wi: Vec3, turn: Vec3) -> f64 {
