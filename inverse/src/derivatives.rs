@@ -35,7 +35,7 @@ const PRESET_ACCURACY: f64 = 1e-3;
 /// at the preset's accuracy moves derivatives by about 1e-4 of white over a length of 1/2.
 const SHORTER: [f64; 2] = [0.125, 0.015_625];
 
-/// The second is for accuracies of at most this, at which it moves them by no more.
+/// The second is for accuracies of at most this, at which it moves them by about as much.
 const TIGHT_ACCURACY: f64 = 1e-4;
 
 /// How many renderings of each view [`Differentiator::views`] takes at most.

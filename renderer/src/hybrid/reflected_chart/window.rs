@@ -102,6 +102,12 @@ impl Window {
         window
     }
 
+    /// Whether the lobe is narrow along one axis and reaches far along the other.
+    #[inline(always)]
+    pub fn is_ridge(&self) -> bool {
+        self.ridge.is_some()
+    }
+
     /// How many of the lobe's widths long a turn of light from the plane across x is, for each radian, at this sine
     /// from the plane. `across` are the cosine and the sine of its angle in the plane. `None` for a lobe that is no
     /// ridge.
@@ -111,12 +117,6 @@ impl Window {
         let cos = (1.0 - sine * sine).max(0.0).sqrt();
         let turn = Vec3::new(cos, -sine * y, -sine * z);
         Some(ridge.widths(Vec3::new(sine, cos * y, cos * z), turn))
-    }
-
-    /// Whether the lobe is narrow along one axis and reaches far along the other.
-    #[inline(always)]
-    pub fn is_ridge(&self) -> bool {
-        self.ridge.is_some()
     }
 
     /// The same of a turn in that plane.
