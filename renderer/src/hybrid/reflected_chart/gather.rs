@@ -114,10 +114,8 @@ fn gather_line<const NODES: usize>(
     let t_of = |along: f64| exp_asinh(along * per_reach);
     let [low, high] = [window.low[0], window.high[0]].map(t_at_sine);
     let (half_reach, per_pitch) = (0.5 * line.reach / plane.pitch, 1.0 / plane.pitch);
-    let ends = [
-        t_of(along(0)).max(low),
-        t_of(along(plane.columns)).min(high),
-    ];
+    let (left, right) = (t_of(along(0)), t_of(along(plane.columns)));
+    let ends = [left.max(low), right.min(high)];
     if ends[0] >= ends[1] {
         return;
     }
@@ -125,8 +123,7 @@ fn gather_line<const NODES: usize>(
     let mut bends = bends[..count].iter().copied().peekable();
     let up = chart.weights_up(line.row, line.height);
     let mut from = Place::new(ends[0]);
-    let across = [line.cos, line.sin];
-    let mut per_angle = window.widths_sideways(from.sine, across);
+    let mut per_angle = window.widths_sideways(from.sine, [line.cos, line.sin]);
     for column in 0..plane.columns {
         let edge = t_of(along(column + 1)).min(high);
         if edge <= from.t {
@@ -137,7 +134,7 @@ fn gather_line<const NODES: usize>(
         while from.t < edge {
             let to = Place::new(bends.next_if(|bend| *bend < edge).unwrap_or(edge));
             let more = tolerance.more_beside((to.t - from.t) / (from.root * to.root));
-            let end = window.widths_sideways(to.sine, across);
+            let end = window.widths_sideways(to.sine, [line.cos, line.sin]);
             let widths = match (per_angle, end) {
                 (Some(one), Some(other)) => from.angle_to(&to) * one.max(other),
                 _ => (to.sine - from.sine) / window.width[0],

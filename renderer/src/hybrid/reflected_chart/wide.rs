@@ -168,9 +168,9 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
-    /// A lobe that is narrow along one axis alone. Away from the direction of perfect reflection it is narrower than
-    /// there, and a rule that knew only the width there missed up to 1.4 percent of it in whole patches, however
-    /// many digits were asked for.
+    /// A lobe that is narrow along one axis alone grows narrower away from the direction of perfect reflection. A rule
+    /// that knew only its width there missed up to 1.4 percent of the light in whole patches, however many digits
+    /// were asked for.
     #[test]
     fn a_ridge_has_the_same_light_from_whole_patches_and_from_parts() {
         let specification = Specification::preset();
@@ -235,10 +235,7 @@ mod tests {
             lit += usize::from(largest > 0.0);
             for [whole, parts] in pairs {
                 let off = largest_difference(whole, parts);
-                assert!(
-                    off <= 3e-4 * largest,
-                    "draw {draw}: {whole:?} {parts:?} {material:?}"
-                );
+                assert!(off <= 3e-4 * largest, "draw {draw}: {off} {material:?}");
             }
         }
         assert!(lit > 60, "{lit}");
