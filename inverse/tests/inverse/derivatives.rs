@@ -392,6 +392,36 @@ fn derivatives_of_highlights_are_right_to_a_percent() {
     );
 }
 
+/// Seen from above under a light from above, the tint meets its knee in all pixels at once. Here red and green come
+/// over it within half an 8th of the first step, so only a 64th tells, which tight accuracies take. For blue an 8th
+/// does.
+#[test]
+fn derivatives_close_to_the_knee_are_right_to_a_percent() {
+    let differentiator = Differentiator::new(&preset(8, 1e-4), BACKEND).expect("views");
+    let tight = Renderer::new(&preset(8, 1e-6), BACKEND).expect("views");
+    for beyond in [0.001, -0.001] {
+        let mut material = hard_case("index-10");
+        // The knee is the luminance over the largest channel.
+        let knee = libm::pow((material.ior - 1.0) / (material.ior + 1.0), 2.0) + beyond;
+        let green = (0.8 * knee - 0.2126 * 0.8 - 0.0722 * 0.3) / 0.7152;
+        (material.rgb0, material.rgb90) = ([0.8, green, 0.3], [0.8, green, 0.3]);
+        let derivatives = differentiator.views(&material, &[HIGHLIGHT]);
+        let derivatives = derivatives.expect("derivatives");
+        for parameter in [4, 5, 6] {
+            // 60 times shorter than a 64th.
+            let expected = slopes(&rendered(&tight, HIGHLIGHT), &material, parameter, 1e-5);
+            let found = compare(&derivatives, parameter, &expected);
+            println!("{beyond}, {}: {found:?}", NAMES[parameter]);
+            assert!(found.notable > 50, "{found:?}");
+            assert_eq!(
+                [found.beyond_a_percent, found.uncovered],
+                [0, 0],
+                "{found:?}"
+            );
+        }
+    }
+}
+
 /// In the two photographs renderings cost more, so the accuracy is the preset's: the stated errors
 /// cover what is seen against other steps at the same accuracy.
 #[test]
