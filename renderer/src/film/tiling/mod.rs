@@ -6,8 +6,11 @@
 //! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is
 //! integrated by adaptive quadrature.
 
+mod rules;
+mod shade;
+
 use super::canvas::{Brightness, Canvas};
-use super::demand::{Demand, FunctionError};
+use super::demand::Demand;
 use super::refine::{cut_out, refine, roots};
 use super::region::{Region, add_region, add_tile};
 use super::tile_nodes::{LINES, NodeValues, TERMS};
@@ -16,13 +19,12 @@ use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
+use rules::Rule;
+use shade::Counted;
+pub use shade::Shade;
 
 /// Tiles that are worked out between two looks at the limit on evaluations.
 const TILES_A_LOOK: usize = 32;
-
-/// A little finer rule that still misses this share of what the coarser one missed does not converge by
-/// digits. The next level follows at once. Chosen.
-const STUCK: f64 = 0.5;
 
 /// A tile that is left off by more than this many times what is allowed does not resolve the function. Chosen.
 const RESOLVED: f64 = 3.0;
@@ -53,46 +55,6 @@ const STRIP_LENGTH: f64 = 8.0;
 
 /// A thicker tile may be longer than wide by this factor, for the same reason.
 const ASPECT_MAX: f64 = 16.0;
-
-/// A function of the film. What it works with is kept from call to call.
-pub trait Shade: Sync {
-    /// Buffers.
-    type Scratch: Default;
-
-    /// The function at (column, row) and how many evaluations of the reflectance it took.
-    fn at(
-        &self,
-        scratch: &mut Self::Scratch,
-        film_point: [f64; 2],
-        tolerance: Tolerance,
-    ) -> ([f64; 3], u32);
-
-    /// The highest level of a tolerance that makes a difference to the function.
-    fn finest_level(&self) -> u32 {
-        3
-    }
-
-    /// Whether rules may miss far more at a tile's corners than within.
-    fn is_uneven(&self) -> bool {
-        false
-    }
-
-    /// What the function may be off by on a part of a pixel that no rule shows.
-    fn function_error(&self, _cell: &Rectangle) -> FunctionError {
-        FunctionError::default()
-    }
-
-    /// The error of the function at a film point that comes from the light given to it, and
-    /// evaluations.
-    fn light_error(
-        &self,
-        _scratch: &mut Self::Scratch,
-        _film_point: [f64; 2],
-        _tolerance: Tolerance,
-    ) -> (f64, u32) {
-        (0.0, 0)
-    }
-}
 
 /// Adds the integrals of `shade` over the pixels of the regions, which lie inside `outline`.
 /// Returns how many evaluations it took.
@@ -163,17 +125,6 @@ enum Growth {
     Halves([Rectangle; 2]),
 }
 
-/// How fine a function is worked out on a tile.
-struct Rule {
-    tolerance: Tolerance,
-    /// What is stated to be missed in the tile's middle.
-    missed: f64,
-    /// The part of it that the rule's difference from the next finer one shows.
-    own: f64,
-    /// How many times its difference from the next finer one the rule states.
-    times: f64,
-}
-
 /// What a tile is off by.
 struct FitError {
     /// In the mean over a pixel.
@@ -211,31 +162,6 @@ struct Candidate<'a> {
     /// The least of what was on its pixels before.
     before: f64,
     effort: Effort,
-}
-
-/// The function with a thread's buffers, and what it took.
-struct Counted<'a, S: Shade> {
-    shade: &'a S,
-    scratch: &'a mut S::Scratch,
-    /// Evaluations.
-    spent: u64,
-    /// Points that they were spent on.
-    points: u64,
-}
-
-impl<S: Shade> Counted<'_, S> {
-    fn at(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> [f64; 3] {
-        let (value, evaluations) = self.shade.at(self.scratch, film_point, tolerance);
-        self.spent += u64::from(evaluations);
-        self.points += 1;
-        value
-    }
-
-    fn light_error(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> f64 {
-        let (error, evaluations) = self.shade.light_error(self.scratch, film_point, tolerance);
-        self.spent += u64::from(evaluations);
-        error
-    }
 }
 
 struct Tiling<'a, S> {
@@ -434,42 +360,6 @@ impl<S: Shade> Tiling<'_, S> {
         })
     }
 
-    /// What a rule misses, if it is uneven, at the corners of what the outline has of a tile.
-    fn missed_at_corners(
-        &self,
-        rectangle: &Rectangle,
-        tolerance: Tolerance,
-        function: &mut Counted<'_, S>,
-    ) -> f64 {
-        if !self.shade.is_uneven() {
-            return 0.0;
-        }
-        let covered = self.outline.clipped(rectangle);
-        let missed = covered.corners().iter().map(|&at| {
-            let value = function.at(at, tolerance);
-            self.missed_at(&[at], &[value], tolerance, function)
-        });
-        missed.fold(0.0, f64::max)
-    }
-
-    /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
-    /// middle: elsewhere it may miss more.
-    fn missed_at(
-        &self,
-        points: &[[f64; 2]],
-        values: &[[f64; 3]],
-        tolerance: Tolerance,
-        function: &mut Counted<'_, S>,
-    ) -> f64 {
-        if tolerance.level() >= self.shade.finest_level() {
-            return 0.0;
-        }
-        let off = |(at, value): (&[f64; 2], &[f64; 3])| {
-            largest_difference(*value, function.at(*at, tolerance.finer()))
-        };
-        points.iter().zip(values).map(off).fold(0.0, f64::max)
-    }
-
     /// For each region the integral over what it covers of a part of a pixel, by adaptive quadrature,
     /// and its error: what the quadrature misses, and `missed` of the function.
     fn pixel(
@@ -493,57 +383,6 @@ impl<S: Shade> Tiling<'_, S> {
             (value, error + missed * covered.area() + function_error)
         };
         self.regions.iter().map(integral).collect()
-    }
-
-    /// How fine the function has to be worked out on a rectangle, and what the rule then misses.
-    fn rule(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Rule {
-        let Candidate {
-            rectangle,
-            before,
-            effort,
-        } = *candidate;
-        let middle = rectangle.point([0.0; 2]);
-        let mut tolerance = self.demand.tolerance;
-        let light_error = function.light_error(middle, tolerance);
-        let mut evaluate = |tolerance: Tolerance| function.at(middle, tolerance);
-        // What a rule misses shows against a finer one. The finest itself is stated to miss what it
-        // was found to mend.
-        let (mut check, mut before_missed) = (tolerance.finer(), f64::INFINITY);
-        let mut fine = evaluate(check);
-        loop {
-            let missed = largest_difference(evaluate(tolerance), fine);
-            let stated = missed + light_error;
-            let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
-            if met || effort == Effort::None {
-                let times = if met { 1.0 } else { self.demand.shares.unmet };
-                return Rule {
-                    tolerance,
-                    missed: stated + (times - 1.0) * missed,
-                    own: missed,
-                    times,
-                };
-            }
-            let next = if missed > STUCK * before_missed {
-                check
-            } else {
-                tolerance.little_finer(check)
-            };
-            if next.level() == check.level() {
-                if check.level() == self.shade.finest_level() {
-                    let times = self.demand.shares.unmet;
-                    return Rule {
-                        tolerance: check,
-                        missed: stated + (times - 1.0) * missed,
-                        own: missed,
-                        times,
-                    };
-                }
-                check = check.finer();
-                fine = evaluate(check);
-            }
-            (tolerance, before_missed) = (next, missed);
-        }
     }
 
     /// The error allowed to the function where a pixel is so bright.

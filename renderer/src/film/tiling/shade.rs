@@ -1,0 +1,70 @@
+//! Functions of the film.
+
+use crate::film::demand::FunctionError;
+use crate::numerics::polygon::Rectangle;
+use crate::numerics::tolerance::Tolerance;
+
+/// A function of the film. What it works with is kept from call to call.
+pub trait Shade: Sync {
+    /// Buffers.
+    type Scratch: Default;
+
+    /// The function at (column, row) and how many evaluations of the reflectance it took.
+    fn at(
+        &self,
+        scratch: &mut Self::Scratch,
+        film_point: [f64; 2],
+        tolerance: Tolerance,
+    ) -> ([f64; 3], u32);
+
+    /// The highest level of a tolerance that makes a difference to the function.
+    fn finest_level(&self) -> u32 {
+        3
+    }
+
+    /// Whether rules may miss far more at a tile's corners than within.
+    fn is_uneven(&self) -> bool {
+        false
+    }
+
+    /// What the function may be off by on a part of a pixel that no rule shows.
+    fn function_error(&self, _cell: &Rectangle) -> FunctionError {
+        FunctionError::default()
+    }
+
+    /// The error of the function at a film point that comes from the light given to it, and
+    /// evaluations.
+    fn light_error(
+        &self,
+        _scratch: &mut Self::Scratch,
+        _film_point: [f64; 2],
+        _tolerance: Tolerance,
+    ) -> (f64, u32) {
+        (0.0, 0)
+    }
+}
+
+/// The function with a thread's buffers, and what it took.
+pub struct Counted<'a, S: Shade> {
+    pub shade: &'a S,
+    pub scratch: &'a mut S::Scratch,
+    /// Evaluations.
+    pub spent: u64,
+    /// Points that they were spent on.
+    pub points: u64,
+}
+
+impl<S: Shade> Counted<'_, S> {
+    pub fn at(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> [f64; 3] {
+        let (value, evaluations) = self.shade.at(self.scratch, film_point, tolerance);
+        self.spent += u64::from(evaluations);
+        self.points += 1;
+        value
+    }
+
+    pub fn light_error(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> f64 {
+        let (error, evaluations) = self.shade.light_error(self.scratch, film_point, tolerance);
+        self.spent += u64::from(evaluations);
+        error
+    }
+}
