@@ -363,7 +363,7 @@ pub mod glossy {
     /// One to four seconds of a core at 128 x 128 (measured). With 1,200 a pixel 10 of the first 14,000 images of
     /// the preset had fewer than 99 percent of their pixels within the tolerance for it, with 1,800 six have.
     pub const LIMIT: Limit = Limit {
-        per_pixel: 1_800,
+        per_pixel: 6_400,
         least: 3_000_000,
     };
 

@@ -237,20 +237,13 @@ impl<S: Shade> Tiling<'_, S> {
         let is_met = |fit_error: f64| {
             effort == Effort::None || demand.shares.is_met(fit_error, rule.own, allowed)
         };
-        if let Some(FitError { mean, point }) = self.fit_error(&tile, &fit, &rule, is_met, function)
-        {
-            // Where the function is not resolved, what a series misses is no ripple from node to node.
-            let is_resolved = mean <= RESOLVED * allowed;
-            let fit_error = if !is_resolved {
-                point
-            } else if mean > allowed {
-                mean.max(EDGE / demand.shares.doubt * point)
-            } else {
-                mean
-            };
-            return Growth::Tile(Box::new(tile), demand.shares.doubt * fit_error + missed);
-        }
-        let steep = usize::from(fit.tails[1] > fit.tails[0]);
+        let steep = match self.fit_error(&tile, &fit, &rule, is_met, function) {
+            Ok(fit_error) => {
+                let error = self.stated(&fit_error, allowed) + missed;
+                return Growth::Tile(Box::new(tile), error);
+            }
+            Err(axis) => axis,
+        };
         if let Some(halves) = halves(steep) {
             return halves;
         }
@@ -259,6 +252,21 @@ impl<S: Shade> Tiling<'_, S> {
         let allowed = self.allowed(before + self.gain * brightest, effort);
         let parts = self.pixel(rectangle, steep, [allowed, missed], tolerance, function);
         Growth::Pixel(*rectangle, parts)
+    }
+
+    /// What a tile states for its series.
+    fn stated(&self, &FitError { mean, point }: &FitError, allowed: f64) -> f64 {
+        let doubt = self.demand.shares.doubt;
+        // Where the function is not resolved, what a series misses is no ripple from node to node.
+        let is_resolved = mean <= RESOLVED * allowed;
+        let fit_error = if !is_resolved {
+            point
+        } else if mean > allowed {
+            mean.max(EDGE / doubt * point)
+        } else {
+            mean
+        };
+        doubt * fit_error
     }
 
     /// Along which axis a tile is steeper that the row and the column through its middle show to be too
@@ -308,7 +316,7 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
-    /// between its nodes show. `None` as soon as that is not met.
+    /// between its nodes show. As soon as that is not met, the axis along which the tile is to be halved instead.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
@@ -316,13 +324,14 @@ impl<S: Shade> Tiling<'_, S> {
         rule: &Rule,
         is_met: impl Fn(f64) -> bool,
         function: &mut Counted<'_, S>,
-    ) -> Option<FitError> {
+    ) -> Result<FitError, usize> {
         let shares = &self.demand.shares;
+        let steep = usize::from(fit.tails[1] > fit.tails[0]);
         let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
         let left_out = tile.left_out_of_means(&columns, &rows);
         let mut mean = left_out.max(shares.point * fit.error);
         if !is_met(mean) {
-            return None;
+            return Err(steep);
         }
         let kept = shares.apart * tile.kept_in_means();
         let tolerance = rule.tolerance;
@@ -338,23 +347,28 @@ impl<S: Shade> Tiling<'_, S> {
         }
         for at in tile.rectangle.corners().into_iter().chain(sides) {
             if !is_met(kept * apart) {
-                return None;
+                return Err(steep);
             }
             let value = function.at(at, tolerance);
             apart = apart.max(largest_difference(value, tile.value(at)));
         }
         mean = mean.max(kept * apart);
         if !is_met(mean) {
-            return None;
+            return Err(steep);
         }
         let mut missed = self.missed_at(&between, &values, tolerance, function);
+        let mut to_halve = steep;
         if is_met(rule.times * missed) {
-            let at_corners = self.missed_at_corners(&tile.rectangle, tolerance, function);
-            missed = missed.max(at_corners);
+            let counts = |missed: f64| !is_met(rule.times * missed);
+            let corners = self.missed_at_corners(&tile.rectangle, counts, tolerance, function);
+            (missed, to_halve) = (missed.max(corners.missed), corners.worse_along);
         }
         let missed = rule.times * missed;
         mean = mean.max(missed);
-        is_met(mean).then(|| FitError {
+        if !is_met(mean) {
+            return Err(to_halve);
+        }
+        Ok(FitError {
             mean,
             point: fit.error.max(apart).max(missed),
         })

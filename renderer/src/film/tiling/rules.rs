@@ -10,6 +10,11 @@ use crate::numerics::tolerance::Tolerance;
 /// digits. The next level follows at once. Chosen.
 const STUCK: f64 = 0.5;
 
+/// An uneven rule that converges slowly may miss this many times what it differs from the next finer one by. Measured:
+/// 4.5 times next to the chart on the sample of material 5400 of the preset, where 1.3 percent of the pixels of view 5
+/// were off by more than they stated; with this two pixels are.
+const SLOW: f64 = 6.0;
+
 /// How fine a function is worked out on a tile.
 pub struct Rule {
     pub tolerance: Tolerance,
@@ -19,6 +24,14 @@ pub struct Rule {
     pub own: f64,
     /// How many times its difference from the next finer one the rule states.
     pub times: f64,
+}
+
+/// What a rule misses at the corners of a tile.
+#[derive(Default)]
+pub struct AtCorners {
+    pub missed: f64,
+    /// The axis along which it misses more at one end than at the other.
+    pub worse_along: usize,
 }
 
 impl<S: Shade> Tiling<'_, S> {
@@ -32,16 +45,19 @@ impl<S: Shade> Tiling<'_, S> {
         let middle = rectangle.point([0.0; 2]);
         let mut tolerance = self.demand.tolerance;
         let light_error = function.light_error(middle, tolerance);
-        let mut evaluate = |tolerance: Tolerance| function.at(middle, tolerance);
         // What a rule misses shows against a finer one. The finest itself is stated to miss what it
         // was found to mend.
         let (mut check, mut before_missed) = (tolerance.finer(), f64::INFINITY);
-        let mut fine = evaluate(check);
+        let mut fine = function.at(middle, check);
         loop {
-            let missed = largest_difference(evaluate(tolerance), fine);
-            let stated = missed + light_error;
+            let value = function.at(middle, tolerance);
+            let shown = largest_difference(value, fine);
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
-            let met = missed <= self.demand.shares.rule * self.allowed(brightness, effort);
+            let may_miss = self.demand.shares.rule * self.allowed(brightness, effort);
+            let counts = |missed| missed > may_miss && effort != Effort::None;
+            let missed = self.missed_if_slow((middle, value), shown, counts, tolerance, function);
+            let stated = missed + light_error;
+            let met = missed <= may_miss;
             if met || effort == Effort::None {
                 let times = if met { 1.0 } else { self.demand.shares.unmet };
                 return Rule {
@@ -67,28 +83,65 @@ impl<S: Shade> Tiling<'_, S> {
                     };
                 }
                 check = check.finer();
-                fine = evaluate(check);
+                fine = function.at(middle, check);
             }
             (tolerance, before_missed) = (next, missed);
         }
     }
 
-    /// What a rule misses, if it is uneven, at the corners of what the outline has of a tile.
-    pub(super) fn missed_at_corners(
+    /// What a rule misses at a point where it gives `value`, and differs by `shown` from the next finer one. What an
+    /// uneven rule shows that way may be a fraction of it: if more would count, the finest rule tells.
+    fn missed_if_slow(
         &self,
-        rectangle: &Rectangle,
+        (at, value): ([f64; 2], [f64; 3]),
+        shown: f64,
+        counts: impl Fn(f64) -> bool,
         tolerance: Tolerance,
         function: &mut Counted<'_, S>,
     ) -> f64 {
+        let above = self.shade.finest_level().saturating_sub(tolerance.level());
+        if above < 2 || !self.shade.is_uneven() || counts(shown) || !counts(SLOW * shown) {
+            return shown;
+        }
+        let finest = (0..above).fold(tolerance, |rule, _| rule.finer());
+        shown.max(largest_difference(value, function.at(at, finest)))
+    }
+
+    /// What a rule misses, if it is uneven, at the corners of what the outline has of a tile. `counts` tells whether
+    /// so much is too much.
+    pub(super) fn missed_at_corners(
+        &self,
+        rectangle: &Rectangle,
+        counts: impl Fn(f64) -> bool,
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> AtCorners {
         if !self.shade.is_uneven() {
-            return 0.0;
+            return AtCorners::default();
         }
         let covered = self.outline.clipped(rectangle);
-        let missed = covered.corners().iter().map(|&at| {
+        let (mut missed, mut worst) = (0.0, None);
+        // The most at either end along each axis.
+        let mut ends = [[0.0f64; 2]; 2];
+        for &at in covered.corners() {
             let value = function.at(at, tolerance);
-            self.missed_at(&[at], &[value], tolerance, function)
-        });
-        missed.fold(0.0, f64::max)
+            let shown = self.missed_at(&[at], &[value], tolerance, function);
+            for (axis, ends) in ends.iter_mut().enumerate() {
+                let end = usize::from(rectangle.local(axis, at[axis]) > 0.0);
+                ends[end] = ends[end].max(shown);
+            }
+            if shown > missed {
+                (missed, worst) = (shown, Some((at, value)));
+            }
+        }
+        if let Some(point) = worst {
+            missed = self.missed_if_slow(point, missed, counts, tolerance, function);
+        }
+        let [columns, rows] = ends.map(|[low, high]| (high - low).abs());
+        AtCorners {
+            missed,
+            worse_along: usize::from(rows > columns),
+        }
     }
 
     /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
