@@ -57,23 +57,33 @@ impl Brightness {
         }
     }
 
-    /// The least of the pixels of a rectangle that lie inside an outline, which is convex; 0 if none does.
+    /// The least of the pixels of a rectangle that lie inside an outline, which is convex; 0 if none does. A pixel that
+    /// the outline cuts counts as much more as it has less of it: so much more may be missed there.
     pub fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
         // Most tiles lie inside with all of their pixels.
         let all_inside = outline.contains(&rectangle.rounded_out());
         let [columns, rows] = rectangle.pixel_ranges();
         let mut least = [f64::INFINITY; LANES];
         for row in rows {
-            let outside = |column| !all_inside && !outline.contains(&Rectangle::pixel(column, row));
+            let pixel = |column| Rectangle::pixel(column, row);
+            let outside = |column| !all_inside && !outline.contains(&pixel(column));
+            let index = |column: u32| (row * self.width + column) as usize;
+            let mut keep_cut = |column| {
+                let covered = outline.clipped(&pixel(column)).area();
+                if covered > 0.0 {
+                    least[0] = least[0].min(self.pixels[index(column)] / covered);
+                }
+            };
             let Range { mut start, mut end } = columns.clone();
             while start < end && outside(start) {
+                keep_cut(start);
                 start += 1;
             }
             while start < end && outside(end - 1) {
                 end -= 1;
+                keep_cut(end);
             }
-            let [start, end] = [start, end].map(|column| (row * self.width + column) as usize);
-            let (blocks, others) = self.pixels[start..end].as_chunks::<LANES>();
+            let (blocks, others) = self.pixels[index(start)..index(end)].as_chunks::<LANES>();
             for block in blocks {
                 keep_less(&mut least, block);
             }

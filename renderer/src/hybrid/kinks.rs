@@ -107,6 +107,55 @@ impl Shade for Step {
     }
 }
 
+/// White on a disc, and black outside.
+struct Disc {
+    centre: [f64; 2],
+    radius: f64,
+}
+
+impl Disc {
+    /// The box around it.
+    fn bounds(&self) -> Rectangle {
+        Rectangle {
+            low: self.centre.map(|at| at - self.radius),
+            high: self.centre.map(|at| at + self.radius),
+        }
+    }
+}
+
+impl Exact for Disc {
+    /// By the middles of many columns.
+    fn integral(&self, part: &Polygon) -> f64 {
+        const COLUMNS: u32 = 20_000;
+        let Some(shared) = part.bounds().intersection(&self.bounds()) else {
+            return 0.0;
+        };
+        let step = shared.sides()[0] / f64::from(COLUMNS);
+        let column = |index: u32| {
+            let x = shared.low[0] + step * (f64::from(index) + 0.5);
+            let off = x - self.centre[0];
+            let half = (self.radius * self.radius - off * off).max(0.0).sqrt();
+            let [low, high] = part.chord(0, x).unwrap_or([0.0; 2]);
+            let [low, high] = [
+                low.max(self.centre[1] - half),
+                high.min(self.centre[1] + half),
+            ];
+            (high - low).max(0.0)
+        };
+        (0..COLUMNS).map(column).sum::<f64>() * step
+    }
+}
+
+impl Shade for Disc {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), [x, y]: [f64; 2], _: Tolerance) -> ([f64; 3], u32) {
+        let [right, down] = [x - self.centre[0], y - self.centre[1]];
+        let inside = right * right + down * down < self.radius * self.radius;
+        ([if inside { 1.0 } else { 0.0 }; 3], 1)
+    }
+}
+
 /// A tenth of white by rules that miss a share of it at one side of the film, and converge slowly: each misses most of
 /// what the one before it does, but the finest nothing.
 struct Slow {
@@ -155,6 +204,8 @@ struct Film {
     side: u32,
     outline: Polygon,
     side_max: f64,
+    /// Where the function is lit, if not everywhere.
+    feature: Option<Rectangle>,
     /// Nothing is refined after so many.
     evaluations_max: u64,
 }
@@ -189,7 +240,7 @@ impl Tally {
             accuracy: &Budget::new(&ACCURACY).chart,
             faint: 0.0,
             side_max: film.side_max,
-            feature: None,
+            feature: film.feature,
             evaluations_max: film.evaluations_max,
             tolerance: Tolerance::new(1e-5),
             shares: TILING,
@@ -221,6 +272,7 @@ fn edges(side: u32, evaluations_max: u64) -> Tally {
             [0.0, length],
         ]),
         side_max: length,
+        feature: None,
         evaluations_max,
     };
     let mut tally = Tally::default();
@@ -255,6 +307,41 @@ fn an_edge_through_several_pixels_is_stated_but_for_few() {
     }
 }
 
+/// A bulb's image that reaches over a side of the sample by next to nothing. Between the nodes of thin tiles its tip was
+/// missed: a pixel lost a quarter of its light (draw 1570 of seed 20261130 of the search).
+#[test]
+fn the_tip_of_a_disc_is_found() {
+    let side = f64::from(SIDE);
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_130);
+    let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+    let mut tally = Tally::default();
+    for _ in 0..400 {
+        let radius = 2.0 + 4.0 * uniform();
+        let depth = libm::exp10(-3.0 * uniform());
+        let bottom = 30.0 + uniform();
+        let disc = Disc {
+            centre: [24.0 + uniform(), bottom - depth + radius],
+            radius,
+        };
+        let film = Film {
+            side: SIDE,
+            outline: Polygon::quadrilateral([
+                [0.0, 0.0],
+                [side, 0.0],
+                [side, bottom],
+                [0.0, bottom],
+            ]),
+            side_max: 3.0 * radius,
+            feature: Some(disc.bounds()),
+            evaluations_max: NO_LIMIT,
+        };
+        tally.add(&film, &disc);
+    }
+    let Tally { beyond, worst, .. } = tally;
+    // One is, of a disc that is hardly there; without a look at the long sides 387 were, by up to 1,000 times.
+    assert!(beyond <= 1 && worst < 1.6, "{beyond}, by up to {worst}");
+}
+
 /// What a rule differs from the next finer one by may be a fraction of what it misses. Next to the chart it was up to
 /// 4.5 times as much, in the corners of tiles in whose middle nothing showed.
 #[test]
@@ -265,6 +352,7 @@ fn a_rule_that_converges_slowly_is_found_out() {
         side: SIDE,
         outline: Polygon::quadrilateral(corners),
         side_max: side,
+        feature: None,
         evaluations_max: NO_LIMIT,
     };
     let mut random = ChaCha8Rng::seed_from_u64(20_261_127);
@@ -301,6 +389,7 @@ fn kinks_are_off_by_no_more_than_stated() {
             [0.7, side - 5.0],
         ]),
         side_max: 16.0,
+        feature: None,
         evaluations_max: NO_LIMIT,
     };
     let mut tally = Tally::default();

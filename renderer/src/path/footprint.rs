@@ -98,7 +98,7 @@ impl Outline {
 
     /// The convex hull of what the camera sees of these points; all that it can see where one of them is
     /// not in front of it.
-    fn hull(camera: &PinholeCamera, points: impl Iterator<Item = Vec3>) -> Self {
+    pub fn hull(camera: &PinholeCamera, points: impl Iterator<Item = Vec3>) -> Self {
         let projected: Option<Vec<[f64; 2]>> = points.map(|at| camera.project(at)).collect();
         let corners = projected.map_or_else(
             || EVERYWHERE.to_vec(),

@@ -4,6 +4,7 @@
 //! of its own there.
 
 use super::footprint::Outline;
+use super::streak::Streak;
 use crate::reflectance::lobe::Lobe;
 use crate::scene::{MirrorPoint, Scene};
 use crate::vector::Vec3;
@@ -12,23 +13,33 @@ use std::f64::consts::PI;
 
 /// Standard deviations of the lobe from its middle to the outline. Of a Gaussian in two dimensions
 /// exp(-REACH^2/2), 4e-5, lies beyond.
-const REACH: f64 = 4.5;
+pub const REACH: f64 = 4.5;
+
+/// How far places may be off the slopes that they were taken to have, as a share of the outline's reach. Chosen.
+const LINEAR: f64 = 0.1;
+
+/// A lobe that is so many times wider along one axis than along the other makes a streak. Chosen.
+const STREAK: f64 = 10.0;
 
 /// Corners of the outline, and directions to the bulb's edge that are looked at.
 const SIDES: u32 = 256;
 
-/// The film outline of the points of the sample from which a facet that the lobe holds turns the
+/// Film outlines that together hold the points of the sample from which a facet that the lobe holds turns the
 /// camera's direction to the bulb. About the mirror image's centre slopes of half vectors are linear in
-/// the position; far from it the outline is only near the right one. `None` for a mesh, on which the bulb may show in
-/// many places.
-pub fn outline(scene: &Scene, lobe: &Lobe) -> Option<Outline> {
+/// the position; far from it the outline is only near the right one, but for a [`Streak`] on a flat sample, which is
+/// cut into parts. None for a mesh, on which the bulb may show in many places. With each goes how bright it is, but
+/// for a factor.
+pub fn outlines(scene: &Scene, lobe: &Lobe) -> Vec<(Outline, f64)> {
     let (camera, bulb) = (&scene.camera, &scene.bulb);
     let (eye, centre) = (camera.position, bulb.centre);
     let MirrorPoint {
         position,
         frame,
         curvature,
-    } = scene.sample.mirror_point(eye, centre)?;
+    } = match scene.sample.mirror_point(eye, centre) {
+        Some(point) => point,
+        None => return Vec::new(),
+    };
     let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
     // The derivatives of the half vector wo + wi by the position. Where the surface falls away, its
@@ -46,17 +57,33 @@ pub fn outline(scene: &Scene, lobe: &Lobe) -> Option<Outline> {
         extent_u + REACH / lobe.n_u.sqrt(),
         extent_v + REACH / lobe.n_v.sqrt(),
     ];
-    let corners = around().map(|[cos, sin]| {
-        let slope = lobe.to_surface(Vec3::new(reach[0] * cos, reach[1] * sin, 0.0));
-        let x = (by_y.y * slope.x - by_y.x * slope.y) * per_determinant;
-        let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
-        position + frame.to_world(Vec3::new(x, y, 0.0))
-    });
-    Some(Outline::of_polygon(camera, &corners.collect::<Vec<_>>()))
+    let corners: Vec<([f64; 2], [f64; 2])> = around()
+        .map(|[cos, sin]| {
+            let slopes = [reach[0] * cos, reach[1] * sin];
+            let slope = lobe.to_surface(Vec3::new(slopes[0], slopes[1], 0.0));
+            let x = (by_y.y * slope.x - by_y.x * slope.y) * per_determinant;
+            let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
+            ([x, y], slopes)
+        })
+        .collect();
+    let to_world = |[x, y]: [f64; 2]| position + frame.to_world(Vec3::new(x, y, 0.0));
+    let streak = Streak {
+        lobe,
+        to_eye,
+        to_bulb,
+        radius: bulb.radius,
+    };
+    let is_linear = |&(at, slopes): &([f64; 2], [f64; 2])| streak.off(at, slopes, reach) < LINEAR;
+    let is_flat = curvature == [0.0; 2];
+    if is_flat && reach[1] > STREAK * reach[0] && !corners.iter().all(is_linear) {
+        return streak.outlines(camera, to_world);
+    }
+    let corners: Vec<Vec3> = corners.iter().map(|&(at, _)| to_world(at)).collect();
+    vec![(Outline::of_polygon(camera, &corners), 1.0)]
 }
 
 /// The largest slopes along the lobe's axes of half vectors between `wo` and the bulb.
-fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
+pub fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
     let axis = to_bulb.normalized();
     let (x, y) = perpendiculars(axis);
     let tangent = radius / (to_bulb.length_squared() - radius * radius).sqrt();
@@ -96,7 +123,10 @@ mod tests {
         let mut lobe = Lobe::new(10.0, 0.5, 30.0);
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
-        let area = outline(&scene, &lobe).and_then(|outline| outline.within_pixel(0, 0));
+        let outlines = outlines(&scene, &lobe);
+        let area = outlines
+            .iter()
+            .find_map(|(outline, _)| outline.within_pixel(0, 0));
         let area = area.expect("the camera sees it");
         let (eye, centre) = (camera.position, bulb.centre);
         let below = Vec3::new(centre.x, centre.y, -centre.z);

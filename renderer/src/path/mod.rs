@@ -25,6 +25,7 @@ mod hidden_chart;
 mod highlight;
 mod interval;
 mod reach;
+mod streak;
 mod trace;
 mod visible_part;
 mod worked_out;
@@ -103,8 +104,8 @@ pub struct Tracer<'a> {
     outlines: Vec<(Target, Outline)>,
     /// A polygon inside the bulb's outline.
     inside_bulb: Outline,
-    /// The bulb's highlight on the sample.
-    highlight: Option<Outline>,
+    /// The bulb's highlight on the sample, in parts, and how bright they are, but for a factor.
+    highlight: Vec<(Outline, f64)>,
     /// What each pixel may see of a mesh, where the sample is one.
     facets: Option<Facets>,
     /// At most the radiance of the chart by the bulb's light.
@@ -149,7 +150,53 @@ struct Part {
     /// How much of `area` may not see the bulb, which is of another shape.
     gap: f64,
     /// The bulb's highlight, where it is a small share of `area`. Half the paths start there.
-    highlight: Option<Area>,
+    highlight: Option<Highlight>,
+}
+
+/// The part of a pixel where the bulb's highlight is, in parts.
+#[derive(Debug)]
+struct Highlight {
+    /// Parts, and how bright they are, but for a factor.
+    parts: Vec<(Area, f64)>,
+    /// The sum over them of size times brightness.
+    light: f64,
+}
+
+impl Highlight {
+    /// What a pixel has of these parts of a highlight; `None` where that is nothing, or as large as `size`.
+    fn new(parts: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
+        let parts: Vec<(Area, f64)> = parts
+            .iter()
+            .filter_map(|(part, brightness)| Some((part.within_pixel(column, row)?, *brightness)))
+            .collect();
+        let light: f64 = parts
+            .iter()
+            .map(|(part, bright)| bright * part.size())
+            .sum();
+        let total: f64 = parts.iter().map(|(part, _)| part.size()).sum();
+        (light > 0.0 && total < size).then_some(Self { parts, light })
+    }
+
+    /// A point, from one of the open unit square: in parts that send more light there are more.
+    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let mut light = x * self.light;
+        let mut at = None;
+        for (part, bright) in &self.parts {
+            let own = bright * part.size();
+            at = Some((part, (light / own).min(1.0)));
+            if light < own {
+                break;
+            }
+            light -= own;
+        }
+        at.map_or([0.0; 2], |(part, x)| part.point([x, y]))
+    }
+
+    /// The density of [`Highlight::point`]. Parts may overlap.
+    fn density(&self, point: [f64; 2]) -> f64 {
+        let holding = self.parts.iter().filter(|(part, _)| part.holds(point));
+        holding.map(|(_, bright)| bright).sum::<f64>() / self.light
+    }
 }
 
 impl Part {
@@ -163,15 +210,13 @@ impl Part {
         } else {
             highlight.point([2.0 * x - 1.0, y])
         };
-        let holds = |area: &Area| {
-            if area.holds(point) {
-                1.0 / area.size()
-            } else {
-                0.0
-            }
+        let of_area = if self.area.holds(point) {
+            1.0 / self.area.size()
+        } else {
+            0.0
         };
         // The highlight may reach beyond the sample's edge, where nothing is met.
-        (point, 2.0 / (1.0 / self.area.size() + holds(highlight)))
+        (point, 2.0 / (of_area + highlight.density(point)))
     }
 }
 
@@ -188,7 +233,7 @@ impl<'a> Tracer<'a> {
             radiance,
         } = scene.bulb;
         let [bulb, inside_bulb] = Outline::of_sphere(camera, centre, radius);
-        let highlight = highlight::outline(scene, &reflectance.lobe);
+        let highlight = highlight::outlines(scene, &reflectance.lobe);
         let mut outlines = vec![(Target::Bulb, bulb)];
         outlines.push((Target::Surface(Thing::Sample), sample_outline(scene)));
         outlines.extend(chart_outlines(scene));
@@ -228,12 +273,11 @@ impl<'a> Tracer<'a> {
             let area = outline.within_pixel(column, row)?;
             let highlight = match *target {
                 Target::Surface(Thing::Sample) => {
-                    let highlight = self.highlight.as_ref();
-                    highlight.and_then(|outline| outline.within_pixel(column, row))
+                    let most = HIGHLIGHT_SHARE_MAX * area.size();
+                    Highlight::new(&self.highlight, [column, row], most)
                 }
                 _ => None,
             };
-            let small = |highlight: &Area| highlight.size() < HIGHLIGHT_SHARE_MAX * area.size();
             let gap = match *target {
                 Target::Bulb => {
                     let inside = self.inside_bulb.within_pixel(column, row);
@@ -244,7 +288,7 @@ impl<'a> Tracer<'a> {
             Some(Part {
                 target: *target,
                 gap,
-                highlight: highlight.filter(small),
+                highlight,
                 area,
             })
         };

@@ -40,6 +40,16 @@ const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0
 /// Points on the sides of a tile. They lie between its corners and the lines of its nodes.
 const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
 
+/// The radius in pixels of the most curved edge that may hide between the nodes of a thin tile. Derived: a bulb's image is
+/// at least four pixels across where tiles hold its light (`hybrid::direct`).
+const ROUND: f64 = 2.0;
+
+/// No two of a tile's nodes along a side lie farther apart than this share of it.
+const WIDEST_GAP: f64 = 0.196;
+
+/// The most points that are looked at on a side of a thin tile. A limit on work.
+const LONG_SIDE_MAX: f64 = 100.0;
+
 /// A pixel gets no more lines after this many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
 
@@ -345,7 +355,8 @@ impl<S: Shade> Tiling<'_, S> {
             *value = function.at(at, tolerance);
             apart = apart.max(largest_difference(*value, tile.value(at)));
         }
-        for at in tile.rectangle.corners().into_iter().chain(sides) {
+        let rim = tile.rectangle.corners().into_iter().chain(sides);
+        for at in rim.chain(on_long_sides(&tile.rectangle)) {
             if !is_met(kept * apart) {
                 return Err(steep);
             }
@@ -408,6 +419,30 @@ impl<S: Shade> Tiling<'_, S> {
         };
         allowed.max(faint) / self.gain
     }
+}
+
+/// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there it
+/// is as wide as the points lie apart.
+fn on_long_sides(rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
+    let (rectangle, sides) = (*rectangle, rectangle.sides());
+    let long = usize::from(sides[1] > sides[0]);
+    let (length, depth) = (sides[long], sides[1 - long]);
+    // A circle that reaches in by so much less than its radius.
+    let chord = 0.9 * (8.0 * ROUND * depth).sqrt();
+    let is_thin = depth < ROUND && chord < WIDEST_GAP * length;
+    let count = if is_thin {
+        (length / chord).min(LONG_SIDE_MAX) as u32 + 1
+    } else {
+        0
+    };
+    (0..count).flat_map(move |index| {
+        let along = (2.0 * f64::from(index) + 1.0) / f64::from(count) - 1.0;
+        [-1.0, 1.0].map(|side| {
+            let mut at = [side; 2];
+            at[long] = along;
+            rectangle.point(at)
+        })
+    })
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a
