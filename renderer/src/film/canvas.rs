@@ -100,3 +100,37 @@ fn keep_less(least: &mut [f64; LANES], values: &[f64]) {
         *least = if value < *least { value } else { *least };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pixel that the outline cuts has little light because there is little of the outline on it. A tile that is
+    /// held to the bright pixels beside it alone missed 1.8 times what it might (draw 1963 of seed 20261130 of the
+    /// search).
+    #[test]
+    fn a_cut_pixel_counts_by_what_is_on_it() {
+        let mut pixels = vec![FilmPixel::default(); 12];
+        for (pixel, value) in pixels
+            .iter_mut()
+            .zip([0.1, 0.3, 0.2, 0.0, 1.0, 2.0, 3.0, 0.0])
+        {
+            pixel.value = [value, 0.5 * value, 0.0];
+        }
+        let canvas = Canvas {
+            width: 4,
+            height: 3,
+            pixels: &mut pixels,
+        };
+        let brightness = Brightness::of(&canvas);
+        // A fifth of the first row, and three columns.
+        let corners = [[0.0, 0.8], [3.0, 0.8], [3.0, 2.0], [0.0, 2.0]];
+        let outline = Polygon::quadrilateral(corners);
+        let least = |low: [f64; 2], high| brightness.least(&Rectangle { low, high }, &outline);
+        assert!((least([0.0, 0.8], [3.0, 2.0]) - 0.5).abs() < 1e-12);
+        assert!((least([1.0, 0.8], [3.0, 2.0]) - 1.0).abs() < 1e-12);
+        assert_eq!(least([0.0, 1.0], [3.0, 2.0]), 1.0);
+        // Nothing of the outline.
+        assert_eq!(least([3.0, 0.0], [4.0, 1.0]), 0.0);
+    }
+}

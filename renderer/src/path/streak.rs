@@ -153,3 +153,84 @@ impl Streak<'_> {
         outlines
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::path::highlight::outlines;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// Places of the sample at a distance from the origin where the half vector's slope along the lobe's narrow axis
+    /// is 0, found without Newton's method.
+    fn on_streak(scene: &Scene, lobe: &Lobe, distance: f64) -> Vec<Vec3> {
+        let (eye, centre) = (scene.camera.position, scene.bulb.centre);
+        let at = |angle: f64| {
+            let (sin, cos) = libm::sincos(angle);
+            Vec3::new(distance * cos, distance * sin, 0.0)
+        };
+        let slope = |angle: f64| {
+            let [to_eye, to_bulb] = [eye, centre].map(|from| (from - at(angle)).normalized());
+            lobe.to_lobe(to_eye + to_bulb).x
+        };
+        let turn = |index: u32| f64::from(index) * std::f64::consts::TAU / 360.0;
+        let mut places = Vec::new();
+        for index in 0..360 {
+            let (mut low, mut high) = (turn(index), turn(index + 1));
+            if slope(low).signum() == slope(high).signum() {
+                continue;
+            }
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if slope(low).signum() == slope(middle).signum() {
+                    low = middle;
+                } else {
+                    high = middle;
+                }
+            }
+            places.push(at(low));
+        }
+        places
+    }
+
+    /// A bulb close to the sample makes a streak that bends. Its parts hold it wherever the lobe lights it.
+    #[test]
+    fn the_parts_of_a_streak_hold_it() {
+        let mut specification = Specification::preset();
+        (specification.image.width, specification.image.height) = (1, 1);
+        specification.camera.film_half_width = 5.0;
+        specification.light.distance_m = 0.05;
+        specification.light.radius_m = 1e-4;
+        let (mut held, mut missed) = (0, 0);
+        for view in [5, 8, 12] {
+            let scene = Scene::new(&specification, view, BackendChoice::Native);
+            let scene = scene.expect("such a view").expect("a scene");
+            for angle in [0.0, 50.0, 110.0] {
+                let lobe = Lobe::new(0.0, 0.9, angle);
+                let parts = outlines(&scene, &lobe);
+                assert!(parts.len() > 10, "a streak");
+                let areas = parts.iter().filter_map(|(part, _)| part.within_pixel(0, 0));
+                let areas: Vec<_> = areas.collect();
+                for step in 0..40 {
+                    let distance = 0.001 * libm::exp10(0.07 * f64::from(step));
+                    for place in on_streak(&scene, &lobe, distance) {
+                        let [to_eye, to_bulb] = [scene.camera.position, scene.bulb.centre]
+                            .map(|from| (from - place).normalized());
+                        let Some(at) = scene.camera.project(place) else {
+                            continue;
+                        };
+                        let on_film = at.iter().all(|at| (0.0..1.0).contains(at));
+                        if !on_film || lobe.power(to_eye + to_bulb) < 1e-6 {
+                            continue;
+                        }
+                        let holds = areas.iter().any(|area| area.holds(at));
+                        held += u32::from(holds);
+                        missed += u32::from(!holds);
+                    }
+                }
+            }
+        }
+        assert!(held > 400 && missed == 0, "{held} held, {missed} missed");
+    }
+}
