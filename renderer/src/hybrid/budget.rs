@@ -360,9 +360,9 @@ pub mod glossy {
     /// Tiles are this many times longer than a feature asks for. Chosen, for the same reason.
     pub const TILE: f64 = 6.0;
 
-    /// Up to five seconds of a core at 128 x 128 in the preset (measured). With 1,800 a pixel 5 of the first 14,000 images
-    /// had fewer than 99 percent of their pixels within the tolerance for it; with this none has. A near mirror or a
-    /// streak takes so much, and one image in two thousand.
+    /// Up to five seconds of a core at 128 x 128 in the preset (measured). With 1,800 a pixel 5 of the first 14,000
+    /// images had fewer than 99 percent of their pixels within the tolerance for it; with this none has. Near mirrors
+    /// and highly anisotropic samples take so much: one image in two thousand.
     pub const LIMIT: Limit = Limit {
         per_pixel: 6_400,
         least: 3_000_000,

@@ -307,8 +307,8 @@ fn an_edge_through_several_pixels_is_stated_but_for_few() {
     }
 }
 
-/// A bulb's image that reaches over a side of the sample by next to nothing. Between the nodes of thin tiles its tip was
-/// missed: a pixel lost a quarter of its light (draw 1570 of seed 20261130 of the search).
+/// A bulb's image that reaches over a side of the sample by next to nothing. Between the nodes of thin tiles its tip
+/// was missed: a pixel lost a quarter of its light (draw 1570 of seed 20261130 of the search).
 #[test]
 fn the_tip_of_a_disc_is_found() {
     let side = f64::from(SIDE);

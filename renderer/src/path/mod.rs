@@ -210,12 +210,8 @@ impl Part {
         } else {
             highlight.point([2.0 * x - 1.0, y])
         };
-        let of_area = if self.area.holds(point) {
-            1.0 / self.area.size()
-        } else {
-            0.0
-        };
         // The highlight may reach beyond the sample's edge, where nothing is met.
+        let of_area = 1.0 / self.area.size();
         (point, 2.0 / (of_area + highlight.density(point)))
     }
 }

@@ -40,8 +40,8 @@ const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0
 /// Points on the sides of a tile. They lie between its corners and the lines of its nodes.
 const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
 
-/// The radius in pixels of the most curved edge that may hide between the nodes of a thin tile. Derived: a bulb's image is
-/// at least four pixels across where tiles hold its light (`hybrid::direct`).
+/// The radius in pixels of the most curved edge that may hide between the nodes of a thin tile. Derived: a bulb's
+/// image is at least four pixels across where tiles hold its light (`hybrid::direct`).
 const ROUND: f64 = 2.0;
 
 /// No two of a tile's nodes along a side lie farther apart than this share of it.
@@ -421,8 +421,8 @@ impl<S: Shade> Tiling<'_, S> {
     }
 }
 
-/// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there it
-/// is as wide as the points lie apart.
+/// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there
+/// it is as wide as the points lie apart.
 fn on_long_sides(rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
     let (rectangle, sides) = (*rectangle, rectangle.sides());
     let long = usize::from(sides[1] > sides[0]);
