@@ -157,7 +157,7 @@ impl Shade for Disc {
 }
 
 /// A tenth of white by rules that miss a share of it at one side of the film, and converge slowly: each misses most of
-/// what the one before it does, but the finest nothing.
+/// what the one before it does, but the last two nothing.
 struct Slow {
     missed: f64,
     kept: f64,
@@ -180,7 +180,7 @@ impl Shade for Slow {
 
     fn at(&self, (): &mut (), [_, row]: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
         let level = tolerance.level();
-        let kept = if level < self.finest_level() {
+        let kept = if level + 1 < self.finest_level() {
             libm::pow(self.kept, f64::from(level))
         } else {
             0.0
