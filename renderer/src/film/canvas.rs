@@ -57,13 +57,13 @@ impl Brightness {
         }
     }
 
-    /// The least of the pixels of a rectangle that lie inside an outline, which is convex; 0 if none does. A pixel that
-    /// the outline cuts counts as much more as it has less of it: so much more may be missed there.
+    /// The least of the pixels of a rectangle that lie inside an outline, which is convex; 0 if none does. Beside one
+    /// that does, a pixel that the outline cuts counts as much more as it has less of it.
     pub fn least(&self, rectangle: &Rectangle, outline: &Polygon) -> f64 {
         // Most tiles lie inside with all of their pixels.
         let all_inside = outline.contains(&rectangle.rounded_out());
         let [columns, rows] = rectangle.pixel_ranges();
-        let mut least = [f64::INFINITY; LANES];
+        let (mut least, mut least_cut) = ([f64::INFINITY; LANES], f64::INFINITY);
         for row in rows {
             let pixel = |column| Rectangle::pixel(column, row);
             let outside = |column| !all_inside && !outline.contains(&pixel(column));
@@ -71,7 +71,7 @@ impl Brightness {
             let mut keep_cut = |column| {
                 let covered = outline.clipped(&pixel(column)).area();
                 if covered > 0.0 {
-                    least[0] = least[0].min(self.pixels[index(column)] / covered);
+                    least_cut = least_cut.min(self.pixels[index(column)] / covered);
                 }
             };
             let Range { mut start, mut end } = columns.clone();
@@ -90,7 +90,11 @@ impl Brightness {
             keep_less(&mut least, others);
         }
         let least = least.into_iter().fold(f64::INFINITY, f64::min);
-        if least.is_finite() { least } else { 0.0 }
+        if least.is_finite() {
+            least.min(least_cut)
+        } else {
+            0.0
+        }
     }
 }
 
@@ -130,7 +134,8 @@ mod tests {
         assert!((least([0.0, 0.8], [3.0, 2.0]) - 0.5).abs() < 1e-12);
         assert!((least([1.0, 0.8], [3.0, 2.0]) - 1.0).abs() < 1e-12);
         assert_eq!(least([0.0, 1.0], [3.0, 2.0]), 1.0);
-        // Nothing of the outline.
+        // What is on few cut pixels says little of a tile, and nothing lies beyond the outline.
+        assert_eq!(least([0.0, 0.8], [3.0, 1.0]), 0.0);
         assert_eq!(least([3.0, 0.0], [4.0, 1.0]), 0.0);
     }
 }

@@ -134,6 +134,13 @@ const ONCE_FAILED: [(u64, u64); 26] = [
     (20_261_126, 1835),
     // What chart and sample send each other, on one tile far wider than the sample.
     (20_261_127, 307),
+    // A streak of the bulb's light that bends, traced.
+    (20_261_130, 47),
+    // The tip of the bulb's image, between the nodes of a thin tile.
+    (20_261_130, 1570),
+    // Dark pixels on the sample's outline, next to bright ones.
+    (20_261_130, 1798),
+    (20_261_130, 1963),
 ];
 
 #[test]
