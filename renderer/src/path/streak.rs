@@ -20,17 +20,21 @@ const ANGLE_MAX: f64 = 1.536;
 /// Places on either side of a part between its ends.
 const PLACES: u32 = 4;
 
-/// Newton's steps from one place to the next, and the error in slopes at which they end.
+/// The most of Newton's steps from one place to the next.
 const STEPS: usize = 12;
+
+/// The error in slopes at which they end.
 const ERROR: f64 = 1e-12;
 
 /// A flat piece of the sample, the camera and the bulb, in the frame of the mirror image.
 #[derive(Clone, Copy, Debug)]
 pub struct Streak<'a> {
     pub lobe: &'a Lobe,
-    /// From the mirror image.
+    /// From the mirror image to the camera, in metres.
     pub to_eye: Vec3,
+    /// From the mirror image to the bulb's centre, in metres.
     pub to_bulb: Vec3,
+    /// The bulb's radius in metres.
     pub radius: f64,
 }
 
