@@ -67,10 +67,13 @@ fn a_training_killed_ten_times_ends_as_if_undisturbed_on_any_threads() {
     let said = python(&place, "tests/clients/read_events.py", &["killed-0"]);
     assert!(said.contains("values of 16 epochs"), "{said}");
 
-    // What is finished is not trained again.
+    // What is finished is not trained again, and what a kill left after the last stage goes away.
+    let folder = place.path().join("killed-0");
+    fs::create_dir(folder.join("stage-6-1")).unwrap();
     let said = place.succeed(&format!("{TRAIN} --out killed-0"));
     assert!(!said.contains("epoch"), "{said}");
     assert!(result(&place, "killed-0") == expected);
+    assert_eq!(leftovers(&folder), Vec::<String>::new());
 }
 
 #[test]

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! `state.json` is replaced last, by a rename, and names everything else. What it does not name is
-//! left over from a kill and removed by the next checkpoint.
+//! left over from a kill and removed by the training that goes on.
 
 use super::events;
 use super::options::Options;
@@ -77,8 +77,8 @@ impl Checkpoints {
     /// once `begin` has put into folder and state what a new training begins with.
     ///
     /// # Errors
-    /// When the folder holds another training, naming what differs, or something else; and those of
-    /// `begin`.
+    /// When the folder holds another training, naming what differs, or something else; when what a
+    /// kill left over cannot be removed; and those of `begin`.
     pub fn resume_or(
         &self,
         fresh: State,
@@ -95,6 +95,8 @@ impl Checkpoints {
                 format!("the folder holds another training, {difference}: choose another folder"),
             ));
         }
+        // No checkpoint follows a kill that fell after the last one.
+        self.remove_others(found.finished, found.stage.map_or(0, |stage| stage.epoch))?;
         Ok(found)
     }
 
