@@ -17,7 +17,7 @@ const SLOW: f64 = 6.0;
 
 /// The finest rule tells what another misses if the one before it differs by no more than this share of that. Where the
 /// camera grazes the sample, the rules of wide lobes have not converged, and those along the lobe's narrow axis are the
-/// better ones (draw 2406 of seed 20261130 of the search, which is still off by more than it states).
+/// better ones (draw 2406 of seed 20261130 of the search).
 const CONVERGED: f64 = 0.1;
 
 /// How fine a function is worked out on a tile.
@@ -29,6 +29,28 @@ pub struct Rule {
     pub own: f64,
     /// How many times its difference from the next finer one the rule states.
     pub times: f64,
+}
+
+/// The last rule of a kind that can be compared with a finer one of its kind, in a tile's middle.
+struct LastOfKind {
+    tolerance: Tolerance,
+    value: [f64; 3],
+    /// By how much it differs from that finer one.
+    missed: f64,
+}
+
+impl LastOfKind {
+    /// What to work with of it and the `finest` rule, of another kind, which gives `value` and differs from the one
+    /// before it by `missed`: the rule, by how much it differs from the next or the last one, and how far apart the two
+    /// kinds are, if that is stated. The finest, unless it has not converged and this one has.
+    fn or_finest(self, finest: Tolerance, value: [f64; 3], missed: f64) -> (Tolerance, f64, f64) {
+        let apart = largest_difference(self.value, value);
+        if self.missed <= CONVERGED * missed && missed > CONVERGED * apart {
+            (self.tolerance, self.missed, apart)
+        } else {
+            (finest, missed, 0.0)
+        }
+    }
 }
 
 /// What a rule misses at the corners of a tile.
@@ -50,10 +72,18 @@ impl<S: Shade> Tiling<'_, S> {
         let middle = rectangle.point([0.0; 2]);
         let mut tolerance = self.demand.tolerance;
         let light_error = function.light_error(middle, tolerance);
+        let stated = |tolerance, times, missed, apart: f64| Rule {
+            tolerance,
+            missed: apart.max(times * missed) + light_error,
+            own: missed,
+            times,
+        };
+        let unmet = self.demand.shares.unmet;
         // What a rule misses shows against a finer one. The finest itself is stated to miss what it
         // was found to mend.
         let (mut check, mut before_missed) = (tolerance.finer(), f64::INFINITY);
         let mut fine = function.at(middle, check);
+        let (kind_changes_at, mut last_of_kind) = (self.shade.kind_changes_at(), None);
         loop {
             let value = function.at(middle, tolerance);
             let shown = largest_difference(value, fine);
@@ -61,16 +91,18 @@ impl<S: Shade> Tiling<'_, S> {
             let may_miss = self.demand.shares.rule * self.allowed(brightness, effort);
             let counts = |missed| missed > may_miss && effort != Effort::None;
             let missed = self.missed_if_slow((middle, value), shown, counts, tolerance, function);
-            let stated = missed + light_error;
-            let met = missed <= may_miss;
-            if met || effort == Effort::None {
-                let times = if met { 1.0 } else { self.demand.shares.unmet };
-                return Rule {
+            if missed <= may_miss {
+                return stated(tolerance, 1.0, missed, 0.0);
+            }
+            if effort == Effort::None {
+                return stated(tolerance, unmet, missed, 0.0);
+            }
+            if kind_changes_at == Some(check.level() + 1) {
+                last_of_kind = Some(LastOfKind {
                     tolerance,
-                    missed: stated + (times - 1.0) * missed,
-                    own: missed,
-                    times,
-                };
+                    value,
+                    missed,
+                });
             }
             let next = if missed > STUCK * before_missed {
                 check
@@ -79,13 +111,11 @@ impl<S: Shade> Tiling<'_, S> {
             };
             if next.level() == check.level() {
                 if check.level() == self.shade.finest_level() {
-                    let times = self.demand.shares.unmet;
-                    return Rule {
-                        tolerance: check,
-                        missed: stated + (times - 1.0) * missed,
-                        own: missed,
-                        times,
+                    let (tolerance, missed, apart) = match last_of_kind {
+                        Some(last) => last.or_finest(check, fine, missed),
+                        None => (check, missed, 0.0),
                     };
+                    return stated(tolerance, unmet, missed, apart);
                 }
                 check = check.finer();
                 fine = function.at(middle, check);

@@ -22,6 +22,12 @@ pub trait Shade: Sync {
         3
     }
 
+    /// The level from which on rules are of another kind, if there is one. They may converge where those before do not,
+    /// or the other way about.
+    fn kind_changes_at(&self) -> Option<u32> {
+        None
+    }
+
     /// Whether rules may miss far more at a tile's corners than within.
     fn is_uneven(&self) -> bool {
         false

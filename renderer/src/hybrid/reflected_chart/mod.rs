@@ -296,6 +296,10 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         }
     }
 
+    fn kind_changes_at(&self) -> Option<u32> {
+        (self.finest_level() > glossy_budget::ORDERS).then_some(glossy_budget::ORDERS)
+    }
+
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
     /// sample's edge than in the middle of a tile. A chart of many patches makes each point too dear for it.
     fn is_uneven(&self) -> bool {
