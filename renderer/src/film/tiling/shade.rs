@@ -22,8 +22,8 @@ pub trait Shade: Sync {
         3
     }
 
-    /// The level from which on rules are of another kind, if there is one. They may converge where those before do not,
-    /// or the other way about.
+    /// The level from which on rules are of another kind, or would be if they were fine enough; `None` where all are of
+    /// one. One kind may converge where the other does not, and rules of the first may agree by chance.
     fn kind_changes_at(&self) -> Option<u32> {
         None
     }

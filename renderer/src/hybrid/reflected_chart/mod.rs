@@ -267,6 +267,14 @@ struct ChartOffGlossyLobe<'a, const NODES: usize> {
     wide: ChartOffWideLobe<'a, NODES>,
 }
 
+impl<const NODES: usize> ChartOffGlossyLobe<'_, NODES> {
+    /// Whether points are cheap enough to compare rules with the finest.
+    fn has_few_patches(&self) -> bool {
+        let plane = self.wide.chart.whole_plane();
+        plane.columns as usize * plane.rows as usize <= glossy_budget::WIDE_RULE_PATCHES_MAX
+    }
+}
+
 impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     type Scratch = (glossy::Scratch, LightBatch);
 
@@ -297,16 +305,13 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     }
 
     fn kind_changes_at(&self) -> Option<u32> {
-        (self.finest_level() > glossy_budget::ORDERS).then_some(glossy_budget::ORDERS)
+        self.has_few_patches().then_some(glossy_budget::ORDERS)
     }
 
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
     /// sample's edge than in the middle of a tile. A chart of many patches makes each point too dear for it.
     fn is_uneven(&self) -> bool {
-        let plane = self.wide.chart.whole_plane();
-        let patches = plane.columns as usize * plane.rows as usize;
-        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
-            && patches <= glossy_budget::WIDE_RULE_PATCHES_MAX
+        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT && self.has_few_patches()
     }
 
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
