@@ -209,11 +209,16 @@ pub fn edged_tile_pixels(feature_pixels: f64) -> f64 {
     tile_pixels(feature_pixels).max(FEATURE_MIN)
 }
 
-/// The length in pixels of a tile none of whose nodes' gaps hides a patch of this side: of eight
-/// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile. [`FEATURE_MIN`] is the
-/// least: of smaller patches every tile shows many, and their number would be the number of tiles.
+/// The length in pixels of a tile none of whose nodes' gaps hides a chart of this side: of eight
+/// Chebyshev nodes no two neighbours lie farther apart than 0.195 of the tile.
+pub fn chart_tile_pixels(chart_pixels: f64) -> f64 {
+    chart_pixels / 0.195
+}
+
+/// The same for a patch. [`FEATURE_MIN`] is the least: of smaller patches every tile shows many, and their
+/// number would be the number of tiles.
 pub fn patch_tile_pixels(patch_pixels: f64) -> f64 {
-    (patch_pixels / 0.195).max(FEATURE_MIN)
+    chart_tile_pixels(patch_pixels).max(FEATURE_MIN)
 }
 
 /// Whether a material's lobe is glossy: narrow, or narrow along one axis and far wider along the

@@ -260,6 +260,7 @@ impl<S: Shade> Tiling<'_, S> {
         let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
         let brightest = mean[0].max(mean[1]).max(mean[2]);
         let allowed = self.allowed(before + self.gain * brightest, effort);
+        let (tolerance, missed) = self.rule_of_pixel(candidate, &rule, allowed, function);
         let parts = self.pixel(rectangle, steep, [allowed, missed], tolerance, function);
         Growth::Pixel(*rectangle, parts)
     }

@@ -200,6 +200,33 @@ impl<S: Shade> Tiling<'_, S> {
         }
     }
 
+    /// How fine an uneven function has to be worked out on a part of a pixel, by its corners, and what is then stated to
+    /// be missed.
+    pub(super) fn rule_of_pixel(
+        &self,
+        candidate: &Candidate<'_>,
+        rule: &Rule,
+        allowed: f64,
+        function: &mut Counted<'_, S>,
+    ) -> (Tolerance, f64) {
+        let counts = |missed: f64| {
+            candidate.effort != Effort::None && missed > self.demand.shares.rule * allowed
+        };
+        let mut tolerance = rule.tolerance;
+        loop {
+            let corners = self.missed_at_corners(candidate.rectangle, counts, tolerance, function);
+            let missed = rule.missed.max(rule.times * corners.missed);
+            if !counts(corners.missed) {
+                return (tolerance, missed);
+            }
+            tolerance = tolerance.finer();
+            // The finest is stated to miss what it was found to mend.
+            if tolerance.level() >= self.shade.finest_level() {
+                return (tolerance, missed);
+            }
+        }
+    }
+
     /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
     /// middle: elsewhere it may miss more.
     pub(super) fn missed_at(

@@ -8,8 +8,8 @@ mod window;
 
 use super::budget::reflected_chart::PATCHES_MAX;
 use super::budget::{
-    TILING, edged_tile_pixels, glossy as glossy_budget, is_glossy, patch_tile_pixels,
-    reflected_chart,
+    TILING, chart_tile_pixels, edged_tile_pixels, glossy as glossy_budget, is_glossy,
+    patch_tile_pixels, reflected_chart,
 };
 use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
@@ -252,7 +252,7 @@ impl Detail {
         self.image.filter(|image| {
             let [width, height] = image.sides();
             let least = width.min(height);
-            self.blur[0] < least || patch_tile_pixels(least) < side
+            self.blur[0] < least || chart_tile_pixels(least) < side
         })
     }
 }
