@@ -18,6 +18,9 @@ const ENDLESS: &str = "materials = 3\n[image]\nwidth = 512\nheight = 512\n\
 /// More than a program that stops may take: views under way have their grace.
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// After this long a worker that has a job is in its first view.
+const BEGUN: Duration = Duration::from_millis(1_500);
+
 /// How long a job may take where a test waits for its end, seconds.
 const DEADLINE: u64 = 2;
 
@@ -91,10 +94,11 @@ fn a_run_in_a_view_that_does_not_end_stops_when_it_is_asked_to() {
         let folder = folder();
         let folder = folder.path();
         let run = start(folder, RUN);
-        wait_until("a job", || said(folder).contains("leased"));
+        wait_until("a job", || said(folder).contains("worker::worker: leased"));
+        // A worker that has not begun its view hands it back at once, and a second signal finds nothing to stop.
         for signal in signals {
+            sleep(BEGUN);
             run.signal(signal);
-            sleep(Duration::from_millis(1_500));
         }
         assert_eq!(run.ended(PATIENCE).code(), Some(code));
         said(folder)
