@@ -429,7 +429,7 @@ fn a_rule_that_converges_slowly_is_found_out() {
 }
 
 /// The same on pixels with an edge, which no tile serves. Their rule was chosen in the middle (draw 1929 of seed 20261132
-/// of the search).
+/// of the search): 819 of these were off by up to seven times what they stated.
 #[test]
 fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_132);
@@ -444,9 +444,9 @@ fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
         let step = Step::drawn(&mut random);
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
         let slow = Slow {
-            missed: 1e-3 * libm::exp10(uniform()),
+            missed: 1e-2 * libm::exp10(uniform()),
             kept: 0.78 * uniform(),
-            fall: 2.0 + 6.0 * uniform(),
+            fall: 6.0 + 8.0 * uniform(),
         };
         tally.add(&film, &SlowStep { slow, step });
     }
