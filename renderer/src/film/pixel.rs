@@ -113,9 +113,10 @@ struct Line {
 /// The integral over an interval of this half length, and what it may miss: what three null rules show or what a step
 /// leaves open, and what the values at the ends tell of features between them and the outermost points.
 ///
-/// The difference of 15 and 7 points is a null rule: it gives 0 for polynomials of degree 13 and less. With a kink at one
-/// of a dozen places it gives 0, too, and the 15 points are off. Times Chebyshev's polynomials of the second kind in the
-/// position, 2 x and 4 x^2 - 1, it is a null rule for degree 12 and less, and 11: at those places they show the kink.
+/// The difference of 15 and 7 points is a null rule: it gives 0 for polynomials of degree 13 and less. With a kink at
+/// one of a dozen places it gives 0, too, and the 15 points are off. Times Chebyshev's polynomials of the second kind
+/// in the position, 2 x and 4 x^2 - 1, it gives two more null rules, for degree 12 and less and for degree 11 and
+/// less. They show a kink where the first does not.
 fn integral(values: &[[f64; 3]; 15], ends: [[f64; 3]; 2], half: f64) -> ([f64; 3], f64) {
     let [mut fine, mut first, mut second, mut third] = [[0.0; 3]; 4];
     for (value, (node, kronrod, gauss)) in values.iter().zip(KRONROD) {
@@ -276,9 +277,9 @@ mod tests {
         up_to(to) - up_to(from)
     }
 
-    /// Lines across the tip of a disc have lengths with kinks where it begins, lines along its chord one that falls like
-    /// a root. There the difference of 15 and 7 points alone vanished at places where 15 points were off: in 145 of
-    /// these cases by up to 137 times what was stated (draw 1124 of seed 20261131 of the search was one).
+    /// Lines across the tip of a disc have lengths with kinks where it begins, lines along its chord one that falls
+    /// like a root. There the difference of 15 and 7 points alone vanished at places where 15 points were off: in 145
+    /// of these cases by up to 137 times what was stated (draw 1124 of seed 20261131 of the search was one).
     #[test]
     fn the_tip_of_a_disc_is_off_by_no_more_than_stated() {
         let fraction = |index: u32, factor: f64| (f64::from(index) * factor).fract();

@@ -428,8 +428,8 @@ fn a_rule_that_converges_slowly_is_found_out() {
     assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
 }
 
-/// The same on pixels with an edge, which no tile serves. Their rule was chosen in the middle (draw 1929 of seed 20261132
-/// of the search): 819 of these were off by up to seven times what they stated.
+/// The same on pixels with an edge, which no tile serves. Their rule was chosen in the middle (draw 1929 of seed
+/// 20261132 of the search): 819 of these were off by up to seven times what they stated.
 #[test]
 fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_132);
@@ -454,9 +454,9 @@ fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
     assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
 }
 
-/// Where finer rules of another kind have not converged, those that have are the better ones: the finest was off by more
-/// than it stated (draw 2406 of seed 20261130 of the search). Which kind is the right one does not matter, as long as
-/// the other one's rules do not agree by chance.
+/// Where finer rules of another kind have not converged, those that have are the better ones: the finest was off by
+/// more than it stated (draw 2406 of seed 20261130 of the search). Which kind is the right one does not matter, as
+/// long as the other one's rules do not agree by chance.
 #[test]
 fn the_kind_of_rule_that_converges_is_believed() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_130);
@@ -494,8 +494,8 @@ fn the_kind_of_rule_that_converges_is_believed() {
     }
 }
 
-/// Two rules that follow each other may agree by chance where both are far off. The finest of their kind shows it, if what
-/// they differ by is not far below what may be missed.
+/// Two rules that follow each other may agree by chance where both are far off. The finest of their kind shows it, if
+/// what they differ by is not far below what may be missed.
 #[test]
 fn rules_that_agree_by_chance_are_found_out() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_131);

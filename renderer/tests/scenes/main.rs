@@ -145,7 +145,7 @@ const ONCE_FAILED: [(u64, u64); 33] = [
     (20_261_131, 1683),
     // The tip of a mirrored bulb in a pixel, where 15 and 7 points agreed.
     (20_261_131, 1124),
-    // A chart narrower than a film of three pixels shows.
+    // A chart a third of a pixel wide, between the nodes of the one tile of a film of three pixels.
     (20_261_132, 2107),
 ];
 

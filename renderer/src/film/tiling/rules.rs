@@ -40,9 +40,11 @@ struct LastOfKind {
 }
 
 impl LastOfKind {
-    /// What to work with of it and the `finest` rule, of another kind, which gives `value` and differs from the one
-    /// before it by `missed`: the rule, by how much it differs from the next or the last one, and how far apart the two
-    /// kinds are, if that is stated. The finest, unless it has not converged and this one has.
+    /// This rule, if it has converged and the `finest` has not; else the finest. The finest is of another kind. It
+    /// gives `value` and differs from the rule before it by `missed`.
+    ///
+    /// Also returns what the rule differs from its neighbour by, and how far the two kinds are apart: 0 for the finest,
+    /// which states nothing of the other.
     fn or_finest(self, finest: Tolerance, value: [f64; 3], missed: f64) -> (Tolerance, f64, f64) {
         let apart = largest_difference(self.value, value);
         if self.missed <= CONVERGED * missed && missed > CONVERGED * apart {
@@ -124,10 +126,10 @@ impl<S: Shade> Tiling<'_, S> {
         }
     }
 
-    /// What a rule misses at a point where it gives `value`, and differs by `shown` from the next finer one, which may be
-    /// a fraction of it. If more would count, the finest rule of its kind tells: two that follow each other may agree by
-    /// chance (polynomials of degree 4 and 6 did to 1e-5 where both missed 9e-4: draw 1683 of seed 20261131 of the
-    /// search). Of an uneven rule the finest of all tells, too, where it has converged.
+    /// What a rule misses at a point where it gives `value`. It differs by `shown` from the next finer one, which may
+    /// be a fraction of what it misses. If more would count, the finest rule of its kind tells. Two that follow each
+    /// other may agree by chance: polynomials of degree 4 and 6 did to 1e-5 where both missed 9e-4 (draw 1683 of seed
+    /// 20261131 of the search). Of an uneven rule the finest of all tells, too, where it has converged.
     fn missed_if_slow(
         &self,
         (at, value): ([f64; 2], [f64; 3]),
@@ -200,8 +202,8 @@ impl<S: Shade> Tiling<'_, S> {
         }
     }
 
-    /// How fine an uneven function has to be worked out on a part of a pixel, by its corners, and what is then stated to
-    /// be missed.
+    /// How fine an uneven function has to be worked out on a part of a pixel, by its corners, and what is then stated
+    /// to be missed.
     pub(super) fn rule_of_pixel(
         &self,
         candidate: &Candidate<'_>,
