@@ -88,7 +88,7 @@ fn a_short_search_finds_nothing() {
 }
 
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
-const ONCE_FAILED: [(u64, u64); 33] = [
+const ONCE_FAILED: [(u64, u64); 34] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
     (1_795_348_325, 34),
     (20_261_122, 558),
@@ -147,6 +147,8 @@ const ONCE_FAILED: [(u64, u64); 33] = [
     (20_261_131, 1124),
     // A chart a third of a pixel wide, between the nodes of the one tile of a film of three pixels.
     (20_261_132, 2107),
+    // Polynomials that converge slowly, on pixels that no tile serves.
+    (20_261_132, 1929),
 ];
 
 #[test]
