@@ -11,7 +11,7 @@
 
 use super::canvas::Canvas;
 use super::log_tile::{LOG_MAX, LogBasis, LogFit, PixelSums, TintedLog, points_for_change};
-use super::refine::{refine, roots};
+use super::refine::{Rounds, refine, roots};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
@@ -35,8 +35,11 @@ const SIDE_MIN: f64 = 1e-10;
 const FLAT_SIDE: f64 = 1.0 / 16.0;
 const FLAT: f64 = 0.5;
 
-/// Tiles between two looks at how much has been spent.
-const TILES_A_ROUND: usize = 1024;
+/// Tiles between two looks at how much has been spent. They are cheap.
+const ROUNDS: Rounds = Rounds {
+    tiles_max: 1024,
+    evaluations: u64::MAX,
+};
 
 /// How a tiling divides what a tile may miss.
 #[derive(Clone, Copy, Debug)]
@@ -109,7 +112,7 @@ pub fn integrate<S: LogShade>(
     refine(
         canvas,
         roots(bounds, ROOT_SIDE),
-        TILES_A_ROUND,
+        &ROUNDS,
         |so_far, spent, rectangle, buffers| {
             tiling.grow(rectangle, so_far, spent >= demand.evaluations_max, buffers)
         },

@@ -3,6 +3,7 @@
 use crate::numerics::channels::{add_scaled, largest_difference};
 use crate::numerics::gauss::KRONROD;
 use crate::numerics::polygon::Polygon;
+use std::cell::Cell;
 
 /// Halvings of a line across a pixel: edges of 1/4,000 of a pixel are resolved.
 const HALVINGS_MAX: u32 = 12;
@@ -11,7 +12,7 @@ const HALVINGS_MAX: u32 = 12;
 /// edges of 1/4,000 of a pixel.
 const LINE_POINTS_MAX: u64 = 780;
 
-/// The first lines over a pixel may take this many times the points after which none are added: an edge
+/// The first lines over a pixel may take this many times the work after which none are added: an edge
 /// along them is followed to its end before another line tells anything. Chosen.
 const FIRST_LINES: u64 = 4;
 
@@ -29,18 +30,29 @@ const STEP: f64 = 0.5;
 /// this many times what null rules show (found by trying).
 const KINKS: f64 = 3.0;
 
+/// What the integral over a pixel may take.
+pub struct Work {
+    pub points_max: u64,
+    pub evaluations_max: u64,
+}
+
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to
-/// `tolerance` if it can be had. Lines run along `axis`, which should be the one along which the
-/// function changes faster. After `points_max` points no more lines are added, and the first lines
-/// together take at most [`FIRST_LINES`] times as many, or 17 each: what is left out then shows in
+/// `tolerance` if it can be had. The function also counts evaluations. Lines run along `axis`, which should be
+/// the one along which the function changes faster. After so much `work` no more lines are added, and the first
+/// lines together take at most [`FIRST_LINES`] times as much, or 17 points each: what is left out then shows in
 /// the error.
 pub fn integrate(
     polygon: &Polygon,
     axis: usize,
     tolerance: f64,
-    points_max: u64,
-    mut function: impl FnMut(f64, f64) -> [f64; 3],
+    work: &Work,
+    mut function: impl FnMut(f64, f64) -> ([f64; 3], u64),
 ) -> ([f64; 3], f64) {
+    let &Work {
+        points_max,
+        evaluations_max,
+    } = work;
+    let spent = Cell::new(0u64);
     let across = 1 - axis;
     let spans = spans(polygon, across);
     let per_length = match (spans.first(), spans.last()) {
@@ -55,11 +67,18 @@ pub fn integrate(
         let Some([from, to]) = polygon.chord(across, at) else {
             return Line::default();
         };
-        let along = |position: f64| match axis {
-            0 => function(position, at),
-            _ => function(at, position),
+        let along = |position: f64| {
+            let (value, evaluations) = match axis {
+                0 => function(position, at),
+                _ => function(at, position),
+            };
+            spent.set(spent.get() + evaluations);
+            value
         };
-        line_integral(along, from, to, 0.5 * tolerance, line_points_max)
+        let may_halve = |points| {
+            points <= line_points_max && spent.get() < FIRST_LINES.saturating_mul(evaluations_max)
+        };
+        line_integral(along, from, to, 0.5 * tolerance, may_halve)
     };
     let mut open: Vec<_> = spans
         .into_iter()
@@ -80,7 +99,8 @@ pub fn integrate(
         let (value, missed) = integral(&values, ends, half);
         let missed = KINKS * missed;
         let share = (high - low) * per_length;
-        if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && points < points_max {
+        let has_more = points < points_max && spent.get() < evaluations_max;
+        if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && has_more {
             open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
             open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
             continue;
@@ -164,13 +184,13 @@ fn step(values: &[[f64; 3]; 15]) -> f64 {
 }
 
 /// The integral along a line by halving where 7 and 15 points disagree, and their disagreement. It
-/// takes `points_max` points at most, or 17.
+/// takes 17 points, and more as long as `may_halve` says so of how many they would become.
 fn line_integral(
     mut function: impl FnMut(f64) -> [f64; 3],
     from: f64,
     to: f64,
     tolerance: f64,
-    points_max: u64,
+    may_halve: impl Fn(u64) -> bool,
 ) -> Line {
     let rule = KRONROD.len() as u64;
     let ends = [from, to].map(&mut function);
@@ -183,7 +203,7 @@ fn line_integral(
         let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
         let values = KRONROD.map(|(node, ..)| function(middle + half * node));
         let (value, missed) = integral(&values, ends, half);
-        if missed > tolerance && depth < HALVINGS_MAX && line.points + 2 * rule <= points_max {
+        if missed > tolerance && depth < HALVINGS_MAX && may_halve(line.points + 2 * rule) {
             line.points += 2 * rule;
             open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
             open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
@@ -201,6 +221,10 @@ mod tests {
     use crate::numerics::polygon::Rectangle;
 
     const TOLERANCE: f64 = 4e-5;
+    const WORK: Work = Work {
+        points_max: 4_000,
+        evaluations_max: u64::MAX,
+    };
 
     /// The area of the unit square where `height` is positive, which is linear in the position.
     fn area(height: impl Fn([f64; 2]) -> f64) -> f64 {
@@ -231,8 +255,8 @@ mod tests {
         let square = Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
         let pixel = square.clipped(&Rectangle::pixel(0, 0));
         let axis = usize::from(normal[1].abs() > normal[0].abs());
-        let (value, stated) = integrate(&pixel, axis, TOLERANCE, 4_000, |x, y| {
-            [if height([x, y]) > 0.0 { step } else { 0.0 }; 3]
+        let (value, stated) = integrate(&pixel, axis, TOLERANCE, &WORK, |x, y| {
+            ([if height([x, y]) > 0.0 { step } else { 0.0 }; 3], 1)
         });
         [(value[0] - step * area(height)).abs(), stated]
     }
@@ -292,10 +316,10 @@ mod tests {
             let expected = tip([centre, radius, depth]);
             let tolerance = 3e-4 * expected.max(1e-3);
             for axis in 0..2 {
-                let (value, stated) = integrate(&pixel, axis, tolerance, 4_000, |x, y| {
+                let (value, stated) = integrate(&pixel, axis, tolerance, &WORK, |x, y| {
                     let [right, up] = [x - centre, y - depth + radius];
                     let inside = right * right + up * up < radius * radius;
-                    [if inside { 1.0 } else { 0.0 }; 3]
+                    ([if inside { 1.0 } else { 0.0 }; 3], 1)
                 });
                 let off = (value[0] - expected).abs();
                 assert!(
@@ -304,5 +328,25 @@ mod tests {
                 );
             }
         }
+    }
+
+    /// Points may be far dearer than others of the function were.
+    #[test]
+    fn work_is_counted_by_what_points_take() {
+        const DEAR: u64 = 10_000;
+        let square = Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
+        let pixel = square.clipped(&Rectangle::pixel(0, 0));
+        let work = Work {
+            points_max: 4_000,
+            evaluations_max: 400 * DEAR,
+        };
+        let mut spent = 0;
+        let (_, stated) = integrate(&pixel, 0, 1e-9, &work, |x, y| {
+            spent += DEAR;
+            ([if x * x + y * y < 0.5 { 1.0 } else { 0.0 }; 3], DEAR)
+        });
+        // The lines that are under way end, with 17 points each.
+        assert!(spent <= (FIRST_LINES * 400 + 17 * 17) * DEAR, "{spent}");
+        assert!(stated > 1e-4, "{stated}");
     }
 }

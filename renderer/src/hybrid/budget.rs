@@ -381,9 +381,6 @@ pub mod glossy {
     /// finest polynomial serves, and states how far the one before it was off.
     pub const WIDE_RULE_EXPONENT: f64 = 1e4;
 
-    /// Nor on charts of more patches, each of which takes points of its own. A limit on work.
-    pub const WIDE_RULE_PATCHES_MAX: usize = 256;
-
     /// The length of a cell of the light on the chart in ln(1 + height / gap). Estimated: a parabola over
     /// 2.2 missed a quarter of what a rough sample sends to the chart (measured), and the error falls
     /// with the cube of the length.

@@ -11,10 +11,11 @@ mod shade;
 
 use super::canvas::{Brightness, Canvas};
 use super::demand::Demand;
-use super::refine::{cut_out, refine, roots};
+use super::pixel::{self, Work};
+use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, add_region, add_tile};
+use super::target;
 use super::tile_nodes::{LINES, NodeValues, TERMS};
-use super::{pixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::{Polygon, Rectangle};
@@ -23,8 +24,11 @@ use rules::Rule;
 use shade::Counted;
 pub use shade::Shade;
 
-/// Tiles that are worked out between two looks at the limit on evaluations.
+/// Tiles that are worked out between two looks at the limit on evaluations, at most.
 const TILES_A_LOOK: usize = 32;
+
+/// A look comes before one part in this many of the limit is spent, too, by what tiles took so far. Chosen.
+const LOOKS_A_LIMIT: u64 = 4;
 
 /// A tile that is left off by more than this many times what is allowed does not resolve the function. Chosen.
 const RESOLVED: f64 = 3.0;
@@ -99,7 +103,10 @@ pub fn integrate<S: Shade>(
     refine(
         canvas,
         open.collect(),
-        TILES_A_LOOK,
+        &Rounds {
+            tiles_max: TILES_A_LOOK,
+            evaluations: demand.evaluations_max / LOOKS_A_LIMIT,
+        },
         |_, spent, rectangle, scratch| {
             let effort = Effort::after(spent, demand.evaluations_max);
             tiling.grow(rectangle, effort, scratch)
@@ -396,13 +403,19 @@ impl<S: Shade> Tiling<'_, S> {
         tolerance: Tolerance,
         function: &mut Counted<'_, S>,
     ) -> Vec<([f64; 3], f64)> {
-        let spent = self.demand.evaluations_max / PIXELS_A_LIMIT;
-        let points_max = (spent * function.points / function.spent.max(1)).min(POINTS_MAX);
+        let evaluations_max = self.demand.evaluations_max / PIXELS_A_LIMIT;
+        let affordable = evaluations_max * function.points / function.spent.max(1);
+        let work = Work {
+            points_max: affordable.min(POINTS_MAX),
+            evaluations_max,
+        };
         let integral = |region: &Region| {
             let covered = region.outline.clipped(rectangle);
             let (value, error) =
-                pixel::integrate(&covered, steep, allowed, points_max, |column, row| {
-                    function.at([column, row], tolerance)
+                pixel::integrate(&covered, steep, allowed, &work, |column, row| {
+                    let before = function.spent;
+                    let value = function.at([column, row], tolerance);
+                    (value, function.spent - before)
                 });
             let function_error = self.shade.function_error(rectangle);
             let function_error = function_error.over(covered.area(), value);

@@ -267,14 +267,6 @@ struct ChartOffGlossyLobe<'a, const NODES: usize> {
     wide: ChartOffWideLobe<'a, NODES>,
 }
 
-impl<const NODES: usize> ChartOffGlossyLobe<'_, NODES> {
-    /// Whether points are cheap enough to compare rules with the finest.
-    fn has_few_patches(&self) -> bool {
-        let plane = self.wide.chart.whole_plane();
-        plane.columns as usize * plane.rows as usize <= glossy_budget::WIDE_RULE_PATCHES_MAX
-    }
-}
-
 impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     type Scratch = (glossy::Scratch, LightBatch);
 
@@ -294,10 +286,7 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     }
 
     fn finest_level(&self) -> u32 {
-        let patches = self.wide.chart.patches.len();
-        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
-            && patches <= glossy_budget::WIDE_RULE_PATCHES_MAX
-        {
+        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT {
             glossy_budget::ORDERS + 1
         } else {
             glossy_budget::ORDERS - 1
@@ -305,13 +294,13 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     }
 
     fn kind_changes_at(&self) -> Option<u32> {
-        self.has_few_patches().then_some(glossy_budget::ORDERS)
+        Some(glossy_budget::ORDERS)
     }
 
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
-    /// sample's edge than in the middle of a tile. A chart of many patches makes each point too dear for it.
+    /// sample's edge than in the middle of a tile.
     fn is_uneven(&self) -> bool {
-        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT && self.has_few_patches()
+        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
     }
 
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
