@@ -170,6 +170,10 @@ fn gather_line<const NODES: usize>(
 
 /// Into how many parts an interval of this many widths is cut, and the rule that each takes: for a ridge more than one
 /// where no rule has as many points as the whole takes.
+///
+/// `more` grows without bounds where the sample's point comes to touch the chart: there an interval reaches far beyond
+/// the bends, to where next to nothing is left of the light, and the largest rule does for it. Parts by it took
+/// more memory than there was.
 #[inline(always)]
 fn parts(
     widths: f64,
@@ -177,6 +181,7 @@ fn parts(
     tolerance: Tolerance,
     is_ridge: bool,
 ) -> (usize, &'static GaussRule) {
+    let more = more.min(POINTS_MAX as f64);
     let points = tolerance.points(widths, more);
     if points <= POINTS_MAX || !is_ridge {
         return (1, GaussRule::of(points));

@@ -240,4 +240,58 @@ mod tests {
         }
         assert!(lit > 60, "{lit}");
     }
+
+    /// Where chart and sample touch, the angles of the chart's far ends are those of nearly nothing. Before lengths of
+    /// intervals counted in a ridge's parts up to a rule's points only, the work of a point grew like the inverse root
+    /// of its distance, and so did the memory: an image ran out of 24 GB.
+    #[test]
+    fn a_ridge_beside_the_chart_takes_bounded_work() {
+        const EVALUATIONS_MAX: u32 = 200_000;
+        let mut specification = Specification::preset();
+        specification.checker.lower_edge_y_m = 0.5 * specification.sample.side_m;
+        specification.views.truncate(1);
+        specification.views[0].camera_elevation_deg = 75.0;
+        specification.views[0].light_elevation_deg = 85.0;
+        let scene = Scene::new(&specification, 0, BackendChoice::Native)
+            .expect("a backend")
+            .expect("a scene");
+        let PreparedView { view, chart } =
+            PreparedView::new(&scene, &specification).expect("a view for hybrid");
+        let chart = chart.expect("the chart shows");
+        let chart = LitChart::<QUARTIC>::new(&chart, 0.01, 1, |_| [1.0; 3]);
+        for draw in 0..12 {
+            let draw = f64::from(draw);
+            let material = Material {
+                roughness: 5.0 + 0.2 * draw,
+                anisotropy: 0.7 + 0.02 * draw,
+                angle_deg: 15.0 * draw,
+                ..specification.material(7).material
+            };
+            let reflectance = Reflectance::new(&material, 0.0, specification.tint);
+            for digits in 3..19 {
+                let y = view.sample_half - libm::exp10(-f64::from(digits));
+                let position = Vec3::new(0.002 * draw, y, 0.0);
+                let wo = (scene.camera.position - position).normalized();
+                let batch = &mut LightBatch::default();
+                let tolerance = view.budget.wide_rule.finer().finer();
+                let (light, evaluations) = reflected(
+                    &chart,
+                    position,
+                    wo,
+                    &reflectance,
+                    tolerance,
+                    view.instructions,
+                    batch,
+                );
+                assert!(
+                    evaluations < EVALUATIONS_MAX,
+                    "1e-{digits} m off, {material:?}: {evaluations}"
+                );
+                assert!(
+                    light.into_iter().all(f64::is_finite),
+                    "1e-{digits} m off: {light:?}"
+                );
+            }
+        }
+    }
 }
