@@ -241,9 +241,9 @@ mod tests {
         assert!(lit > 60, "{lit}");
     }
 
-    /// Where chart and sample touch, the angles of the chart's far ends are those of nearly nothing. Before lengths of
-    /// intervals counted in a ridge's parts up to a rule's points only, the work of a point grew like the inverse root
-    /// of its distance, and so did the memory: an image ran out of 24 GB.
+    /// Where chart and sample touch, the angles of the chart's far ends are those of nearly nothing. A ridge's
+    /// intervals were once cut into parts by those angles. The work of a point grew like the inverse root of its
+    /// distance, and so did its memory: an image ran out of 24 GB.
     #[test]
     fn a_ridge_beside_the_chart_takes_bounded_work() {
         const EVALUATIONS_MAX: u32 = 200_000;
