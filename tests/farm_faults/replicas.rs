@@ -61,6 +61,27 @@ fn campaign_of_fifty_kills_of_three_coordinators_and_their_database() {
     });
 }
 
+/// Whoever is first to look into the empty place is held until the other has said whose it is.
+#[test]
+fn coordinators_started_at_one_instant_claim_one_place() {
+    let mut harness = Harness::new(2, 16);
+    let bucket = s3::Server::start(&harness.path().join("s3"));
+    harness.environment = bucket.environment();
+    let database = postgres::Server::start("");
+    bucket.hold_listing();
+    let (harness, database) = (&harness, &database);
+    thread::scope(|scope| {
+        for number in 0..2 {
+            scope.spawn(move || {
+                let mut command = replica(harness, database, number, "127.0.0.1:0");
+                let serving = Process::serving(&mut command);
+                assert!(serving.is_some(), "{}", log(harness, number));
+            });
+        }
+    });
+    assert_eq!(bucket.counts()["PUT"].requests, 1);
+}
+
 /// A coordinator, which comes back on its address like one that a supervisor starts again.
 struct Replica {
     address: String,

@@ -22,6 +22,7 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use tokio::net::TcpListener;
 use tokio::runtime::{self, Runtime};
+use tokio::sync::Notify;
 
 const KEY: &str = "brdfarm-test";
 const SECRET: &str = "not-a-secret";
@@ -67,6 +68,9 @@ struct State {
     // Entity tags say nothing of the content, as Azure's.
     opaque_tags: AtomicBool,
     removal_milliseconds: AtomicU32,
+    // The next listing waits for the next object.
+    hold_listing: AtomicBool,
+    written: Notify,
 }
 
 impl Server {
@@ -134,6 +138,11 @@ impl Server {
         state
             .removal_milliseconds
             .store(milliseconds, Ordering::Relaxed);
+    }
+
+    /// The next listing is made only after the next object was written.
+    pub fn hold_listing(&self) {
+        self.state.hold_listing.store(true, Ordering::Relaxed);
     }
 
     /// What was asked so far, by kind.
@@ -219,8 +228,15 @@ async fn answer(
         let wait = state.removal_milliseconds.load(Ordering::Relaxed);
         tokio::time::sleep(Duration::from_millis(wait.into())).await;
     }
+    let written = state.written.notified();
+    if kind == "LIST" && state.hold_listing.swap(false, Ordering::Relaxed) {
+        written.await;
+    }
     let response = service.call(request).await;
     let mut response = response.map_err(|error| io::Error::other(format!("{error:?}")))?;
+    if kind == "PUT" {
+        state.written.notify_waiters();
+    }
     if state.opaque_tags.load(Ordering::Relaxed)
         && let Some(tag) = response.headers_mut().get_mut(ETAG)
     {

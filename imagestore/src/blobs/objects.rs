@@ -80,11 +80,15 @@ impl Objects {
         self.bucket.block_on(async {
             let mut found = self.bucket.head(OWNER_KEY).await?;
             if found.is_none() {
-                if self.bucket.first().await?.is_some() {
-                    return Ok(Claimed::Others);
+                if self.bucket.first().await?.is_none() {
+                    self.bucket.write(OWNER_KEY, text.clone()).await?;
                 }
-                self.bucket.write(OWNER_KEY, text.clone()).await?;
+                // What the listing showed may be the claim of another coordinator of this store,
+                // which was started at the same instant.
                 found = self.bucket.head(OWNER_KEY).await?;
+            }
+            if found.is_none() {
+                return Ok(Claimed::Others);
             }
             let there = self
                 .bucket
