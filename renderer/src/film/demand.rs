@@ -18,6 +18,10 @@ pub struct Shares {
     /// A pixel's mean is taken to be off by at least this share of what the series of its tile leave out at a
     /// point.
     pub point: f64,
+    /// Factor on the steps between a tile's nodes, as far as they remain in means over pixels.
+    pub step: f64,
+    /// The same where the outline cuts the tile: of a pixel that it cuts, too, a step may be a larger share.
+    pub step_at_outline: f64,
     /// Factor on a tile's deviation at its rim and between its nodes, as far as it remains in means over
     /// pixels.
     pub apart: f64,

@@ -11,12 +11,6 @@ pub const TAIL: usize = 2;
 /// true error of 95 pixels in 100 stays below half of what this gives.
 const LEFT_OUT: f64 = 0.4;
 
-/// Over all of a tile the last polynomials have next to no mean, but an edge along a side has: its series is off by
-/// up to 0.098 of its height, where the last coefficients sum up to 0.13 (derived: edges at 801 places). So their
-/// means count as no smaller than this. Measured on edges drawn at random (`hybrid::kinks`): with 0.7 two of 20,000
-/// pixels are off by more than the tolerance and what they state, with less 35 by up to 1.6 times as much.
-const EDGE_MEANS: f64 = 0.8;
-
 /// Over a part of a tile whose sides are this many times shorter a rule of degree 3 serves. Derived: it misses at
 /// most (2 / 10)^4 / 4320 times the fourth derivative of a term, a seventieth of the last coefficient and less than
 /// a ten thousandth of the fourth.
@@ -153,6 +147,12 @@ impl<const TERMS: usize> Basis<TERMS> {
         sums[0].max(sums[1]).max(sums[2])
     }
 
+    /// The coordinates of a rectangle's nodes along an axis, in the order of [`Basis::nodes`].
+    pub fn along(&self, rectangle: &Rectangle, axis: usize) -> [f64; TERMS] {
+        let (low, side) = (rectangle.low[axis], rectangle.sides()[axis]);
+        self.0.points.map(|point| low + 0.5 * side * (1.0 + point))
+    }
+
     /// Interpolates a function of these values at [`Basis::nodes`].
     pub fn fit(
         &self,
@@ -229,16 +229,8 @@ impl<const TERMS: usize> Tile<TERMS> {
     /// What the series leaves out of the mean over a cell between neighbours of `columns` and `rows`, edges
     /// inside the tile in rising order: at most, by the sizes of the last coefficients.
     pub fn left_out_of_means(&self, columns: &[f64], rows: &[f64]) -> f64 {
-        let [columns, rows] = [(0, columns), (1, rows)].map(|(axis, edges)| {
-            let mut means = means::<TERMS>(&self.rectangle, axis, edges);
-            // One cell: all of the tile.
-            if let [all] = &mut means[..] {
-                for mean in &mut all[TERMS - TAIL..] {
-                    *mean = mean.max(EDGE_MEANS);
-                }
-            }
-            means
-        });
+        let [columns, rows] = [(0, columns), (1, rows)]
+            .map(|(axis, edges)| means::<TERMS>(&self.rectangle, axis, edges));
         let largest: [f64; TERMS] =
             std::array::from_fn(|i| columns.iter().map(|x| x[i]).fold(0.0, f64::max));
         let mut most = 0.0f64;
@@ -430,20 +422,21 @@ mod tests {
     }
 
     #[test]
-    fn means_over_a_whole_tile_may_hold_an_edge() {
+    fn means_hold_less_than_points() {
         let rectangle = Rectangle {
             low: [3.0, 5.0],
             high: [5.0, 6.0],
         };
         let basis = Basis::<8>::new();
-        // T_6 along columns: its mean is 1/35 over either half of the tile, and over a hundredth as large as it is.
+        // T_6 along columns: its mean is 1/35 over the tile and over either half, and over a hundredth as large as it
+        // is.
         let nodes = basis
             .nodes(&rectangle)
             .map(|[x, _]| [values::<8>(x - 4.0)[6]; 3]);
         let (tile, fit) = basis.fit(rectangle, nodes);
         assert!((fit.error - LEFT_OUT).abs() < 1e-12);
         let told = |columns: &[f64]| tile.left_out_of_means(columns, &[5.0, 6.0]) / LEFT_OUT;
-        assert!((told(&[3.0, 5.0]) - EDGE_MEANS).abs() < 1e-12);
+        assert!((told(&[3.0, 5.0]) - 1.0 / 35.0).abs() < 1e-12);
         assert!((told(&[3.0, 4.0, 5.0]) - 1.0 / 35.0).abs() < 1e-12);
         assert!((told(&[3.99, 4.01]) - 1.0).abs() < 1e-2);
     }

@@ -8,6 +8,7 @@
 
 mod rules;
 mod shade;
+mod steps;
 
 use super::canvas::{Brightness, Canvas};
 use super::demand::Demand;
@@ -23,6 +24,7 @@ use crate::numerics::tolerance::Tolerance;
 use rules::Rule;
 use shade::Counted;
 pub use shade::Shade;
+use steps::Values;
 
 /// Tiles that are worked out between two looks at the limit on evaluations, at most.
 const TILES_A_LOOK: usize = 32;
@@ -49,7 +51,7 @@ const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0
 const ROUND: f64 = 2.0;
 
 /// No two of a tile's nodes along a side lie farther apart than this share of it.
-const WIDEST_GAP: f64 = 0.196;
+pub const WIDEST_GAP: f64 = 0.196;
 
 /// The most points that are looked at on a side of a thin tile. A limit on work.
 const LONG_SIDE_MAX: f64 = 100.0;
@@ -249,12 +251,12 @@ impl<S: Shade> Tiling<'_, S> {
             return halves;
         }
         let values = nodes.all(|node| function.at(node, tolerance));
-        let (tile, fit) = self.basis.fit(*rectangle, values.into_iter().flatten());
+        let (tile, fit) = self.basis.fit(*rectangle, values.iter().flatten().copied());
         let allowed = self.allowed(before + self.gain * fit.least, effort);
         let is_met = |fit_error: f64| {
             effort == Effort::None || demand.shares.is_met(fit_error, rule.own, allowed)
         };
-        let steep = match self.fit_error(&tile, &fit, &rule, is_met, function) {
+        let steep = match self.fit_error(&tile, (&fit, &values), &rule, is_met, function) {
             Ok(fit_error) => {
                 let error = self.stated(&fit_error, allowed) + missed;
                 return Growth::Tile(Box::new(tile), error);
@@ -333,12 +335,12 @@ impl<S: Shade> Tiling<'_, S> {
         LINES.iter().copied().find(is_steep).map(|[axis, _]| axis)
     }
 
-    /// What a tile shows to be off by: what its series leaves out, and what its corners, sides and points
-    /// between its nodes show. As soon as that is not met, the axis along which the tile is to be halved instead.
+    /// What a tile shows to be off by: what its series leaves out, what steps between its nodes leave open, and what its
+    /// corners, sides and points between its nodes show. As soon as that is not met, the axis along which the tile is to be halved instead.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
-        fit: &Fit,
+        (fit, values): (&Fit, &Values),
         rule: &Rule,
         is_met: impl Fn(f64) -> bool,
         function: &mut Counted<'_, S>,
@@ -351,8 +353,13 @@ impl<S: Shade> Tiling<'_, S> {
         if !is_met(mean) {
             return Err(steep);
         }
-        let kept = shares.apart * tile.kept_in_means();
         let tolerance = rule.tolerance;
+        let steps = self.left_open_by_steps(&tile.rectangle, values, &is_met, tolerance, function);
+        mean = mean.max(steps);
+        if !is_met(mean) {
+            return Err(steep);
+        }
+        let kept = shares.apart * tile.kept_in_means();
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
         // there shows at the corners, and the start of a steep rise on the sides.
         let sides = ON_SIDES.map(|at| tile.rectangle.point(at));

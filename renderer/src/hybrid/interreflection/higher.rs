@@ -18,8 +18,8 @@ use super::sources::Cell;
 use super::tiles::{Tiles, columns, halved, lattice};
 use super::unresolved::{Unresolved, unresolved_at_most, unresolved_error};
 use crate::hybrid::budget::interreflection::{
-    EVALUATIONS_MAX, EXCESS_WORTH_ALL, FIRST_EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, OFF_NODES,
-    OFF_NODES_DOUBT, RULE_SHARE, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
+    CELLS, EVALUATIONS_MAX, EXCESS_WORTH_ALL, FIRST_EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX,
+    OFF_NODES, OFF_NODES_DOUBT, RULE_SHARE, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::channels::{add_scaled, largest, largest_difference};
 use crate::numerics::chebyshev::Tile;
@@ -69,8 +69,10 @@ struct Plan {
     at_nodes: Vec<Planned>,
     /// At points off the nodes.
     beside: Vec<Planned>,
-    /// By the rules of the next level, at some of the nodes and then at the same points.
+    /// By the rules of the next level, at some of the nodes.
     finer: Vec<Planned>,
+    /// By those of a level with more points on every cell of the chart, at the points off the nodes.
+    finest: Vec<Planned>,
     /// How many it takes at most.
     evaluations: u64,
 }
@@ -302,32 +304,33 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
         let frame = self.frame;
         let nodes = series.nodes(&rectangle);
         let off_nodes = off_nodes(frame, &rectangle);
-        let planned = |at: &[f64; 2]| Planned::new(frame, *at, level);
-        let at_nodes: Vec<Planned> = nodes.iter().map(planned).collect();
-        let beside: Vec<Planned> = off_nodes.iter().map(planned).collect();
+        let planned = |all: &[[f64; 2]], level| -> Vec<Planned> {
+            let all = all.iter();
+            all.map(|at| Planned::new(frame, *at, level)).collect()
+        };
+        let (at_nodes, beside) = (planned(&nodes, level), planned(&off_nodes, level));
         let checked = checked(series).map(|node| nodes[node]);
-        let finer: Vec<Planned> = checked
-            .iter()
-            .chain(&off_nodes)
-            .map(|at| Planned::new(frame, *at, level + 1))
-            .collect();
-        let [points, finer_points] = [level, level + 1].map(|level| self.cells(level).1);
+        let finest_level = compared_with(level);
+        let finer = planned(&checked, level + 1);
+        let finest = planned(&off_nodes, finest_level);
+        let evaluations = |planned: &Planned, level| planned.evaluations(self.cells(level).1);
         let here = at_nodes.iter().chain(&beside);
-        let here: u64 = here.map(|planned| planned.evaluations(points)).sum();
+        let here: u64 = here.map(|planned| evaluations(planned, level)).sum();
+        let there = finer.iter().map(|planned| evaluations(planned, level + 1));
         // Of the points beside the nodes one is looked at by finer rules. Which, the light will tell.
-        let mut there = finer
+        let beside_them = finest
             .iter()
-            .map(|planned| planned.evaluations(finer_points));
-        let at_checked: u64 = there.by_ref().take(checked.len()).sum();
+            .map(|planned| evaluations(planned, finest_level));
         Plan {
             rectangle,
             level,
             series,
             depth,
-            evaluations: here + at_checked + there.max().unwrap_or(0),
+            evaluations: here + there.sum::<u64>() + beside_them.max().unwrap_or(0),
             at_nodes,
             beside,
             finer,
+            finest,
         }
     }
 
@@ -340,10 +343,11 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
             depth,
             at_nodes,
             beside,
-            mut finer,
+            finer,
+            finest,
             ..
         } = plan;
-        let (points, finer_points) = (self.points(level), self.points(level + 1));
+        let points = self.points(level);
         let [at_nodes, beside] = [at_nodes, beside].map(|all| rows(self.frame, &all, points));
         let first = |row: &Row| match self.frame.view.bounces_max {
             3 => row.apply(points, |i| points.direct[i]),
@@ -355,17 +359,23 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
         let Beside { off, brightest } = self.beside(&tile, beside.iter().map(first));
         // Far from the column that receives most, all nodes may be dark. At the corners far from the sample rules
         // miss least.
-        let mut coarse = checked(series).map(|node| &at_nodes[node]).to_vec();
-        coarse.push(&beside[brightest]);
-        finer.swap(coarse.len() - 1, coarse.len() - 1 + brightest);
-        let finer = rows(self.frame, &finer[..coarse.len()], finer_points);
-        let missed = coarse.iter().zip(&finer).map(|(coarse, finer)| {
+        let off_by = |coarse: &Row, (finer, level): (&Row, usize)| {
+            let finer_points = self.points(level);
             let coarse = coarse.apply(points, |i| points.first(i));
             let finer = finer.apply(finer_points, |i| finer_points.first(i));
             largest_difference(coarse, finer)
-        });
-        let missed = missed.fold(0.0, f64::max);
-        let spent = at_nodes.iter().chain(&beside).chain(&finer);
+        };
+        let (finer_level, finest_level) = (level + 1, compared_with(level));
+        let finer = rows(self.frame, &finer, self.points(finer_level));
+        let at_checked = checked(series).into_iter().zip(&finer);
+        let at_checked =
+            at_checked.map(|(node, finer)| off_by(&at_nodes[node], (finer, finer_level)));
+        let finest = &finest[brightest..=brightest];
+        let finest = rows(self.frame, finest, self.points(finest_level));
+        let off_nodes = finest.iter();
+        let off_nodes = off_nodes.map(|finest| off_by(&beside[brightest], (finest, finest_level)));
+        let finer = || finer.iter().chain(&finest);
+        let spent = at_nodes.iter().chain(&beside).chain(finer());
         Part {
             rectangle,
             level,
@@ -373,12 +383,12 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
             depth,
             evaluations: spent.map(|row| row.evaluations).sum(),
             largest: most,
-            missed,
+            missed: at_checked.chain(off_nodes).fold(0.0, f64::max),
             fit_error: fit.error,
             tails: fit.tails,
             off_nodes: OFF_NODES_DOUBT * off,
             stuck: false,
-            resolved: finer.iter().all(|row| row.resolved),
+            resolved: finer().all(|row| row.resolved),
             rows: at_nodes,
         }
     }
@@ -510,6 +520,17 @@ impl Part {
 fn checked(series: Series) -> [usize; 3] {
     let [left, right, .., middle] = compared(series.terms());
     [left, right, middle]
+}
+
+/// The next level that has more points on every cell of the chart, however small the cells are: those of one that has
+/// as many may be the same points.
+fn compared_with(level: usize) -> usize {
+    let (_, points) = CELLS[level];
+    let mut finer = level + 1;
+    while CELLS[finer].1 == points {
+        finer += 1;
+    }
+    finer
 }
 
 /// What plans take in all.

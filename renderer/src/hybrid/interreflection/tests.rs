@@ -13,7 +13,7 @@ use super::transfer::{Along, Receiver};
 use crate::geometry::BackendChoice;
 use crate::hybrid::PreparedView;
 use crate::hybrid::budget::interreflection::{
-    EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, HIGHER_SHARE,
+    EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, HIGHER_SHARE, LEVEL_MAX,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -203,26 +203,27 @@ fn higher(frame: &Frame<'_>) -> Result<Higher, Unresolved> {
     Higher::solve(frame, HIGHER_SHARE, |_| [0.0; 3])
 }
 
-/// What the higher orders are off by at points of the chart of a draw, over what they state there; `None`
-/// where they are not worked out.
-fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
-    let mut uniform = draws(seed);
-    let draw = drawn(&mut uniform);
+/// What the higher orders are off by at points of the chart of a draw, against the rules of a level, over what they
+/// state there or this share of the tolerance; `None` where they are not worked out.
+fn off_over_stated(
+    draw: (Specification, Material),
+    mut uniform: impl FnMut(f64, f64) -> f64,
+    (level, share): (usize, f64),
+) -> Option<Vec<f64>> {
     in_frame(draw, |frame| {
         let higher = higher(frame).ok()?;
         let Rectangle { low, high } = frame.bounds();
         let points: Vec<[f64; 2]> = (0..POINTS)
             .map(|_| [0, 1].map(|axis| uniform(low[axis], high[axis])))
             .collect();
-        // Finer than what most draws take.
-        const LEVEL: usize = 2;
-        let (cells, _) = level_cells(frame, LEVEL);
-        let senders = Points::new(frame, (&cells, LEVEL), &|_| [0.0; 3]);
+        let (cells, _) = level_cells(frame, level);
+        let senders = Points::new(frame, (&cells, level), &|_| [0.0; 3]);
         let planned: Vec<Planned> = points
             .iter()
-            .map(|at| Planned::new(frame, *at, LEVEL))
+            .map(|at| Planned::new(frame, *at, level))
             .collect();
         let exact = rows(frame, &planned, &senders);
+        let tolerance = frame.tolerance(&frame.bounds());
         let ratios = points.iter().zip(&exact).map(|(at, row)| {
             let exact = row.apply(&senders, |i| senders.direct[i]);
             let tiles = &higher.tiles[0];
@@ -232,7 +233,7 @@ fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
             });
             let off = largest_difference(tiles.value(*at), exact);
             // Lobes that are too narrow leave next to nothing.
-            off / stated.max(NOTHING)
+            off / stated.max(NOTHING).max(share * tolerance)
         });
         Some(ratios.collect())
     })?
@@ -242,11 +243,60 @@ fn off_over_stated(seed: u64) -> Option<Vec<f64>> {
 /// sample has no node where the light is.
 #[test]
 fn higher_orders_state_what_they_are_off_by() {
-    let ratios: Vec<f64> = (0..40).filter_map(off_over_stated).flatten().collect();
+    // Finer than what most draws take.
+    const LEVEL: usize = 2;
+    let on_chart = |seed| {
+        let mut uniform = draws(seed);
+        off_over_stated(drawn(&mut uniform), uniform, (LEVEL, 0.0))
+    };
+    let ratios: Vec<f64> = (0..40).filter_map(on_chart).flatten().collect();
     let off_by_more = ratios.iter().filter(|ratio| **ratio > 1.0).count();
     let worst = ratios.iter().copied().fold(0.0, f64::max);
     assert!(
         off_by_more <= ratios.len() / 100,
+        "{off_by_more} of {}",
+        ratios.len()
+    );
+    assert!(worst < 1.5, "{worst}");
+}
+
+/// The same with a chart of patches that are small for their distance from the sample, a rough material and any
+/// accuracy.
+fn drawn_far(uniform: &mut impl FnMut(f64, f64) -> f64) -> (Specification, Material) {
+    let (mut specification, mut material) = drawn(uniform);
+    material.roughness = uniform(40.0, 110.0).min(100.0);
+    specification.sample.side_m = uniform(0.01, 0.1);
+    let chart = &mut specification.checker;
+    chart.columns = uniform(1.0, 9.0) as u32;
+    chart.rows = uniform(1.0, 7.0) as u32;
+    chart.patches_srgb8 = (0..chart.columns * chart.rows)
+        .map(|_| [(); 3].map(|()| uniform(0.0, 255.0) as u8))
+        .collect();
+    let gap_m = libm::exp(uniform(-5.0, -2.5));
+    chart.lower_edge_y_m = 0.5 * specification.sample.side_m + gap_m;
+    chart.pitch_m = (gap_m * uniform(0.1, 1.5)).min(0.03);
+    let relative = libm::exp10(-uniform(2.0, 6.0));
+    specification.accuracy.relative = relative;
+    specification.accuracy.absolute = 0.1 * relative;
+    (specification, material)
+}
+
+/// The first two levels have the same points on such a chart. Their rules agreed, whatever they missed: of 1,000 draws
+/// one in 13 was off by more than it may be, by up to 22 times (draw 677 of seed 20261134 of the search was one).
+/// Now one in 90 is, by up to 1.7 times.
+#[test]
+fn higher_orders_of_a_far_chart_state_what_they_are_off_by() {
+    const LEVEL: usize = LEVEL_MAX + 1;
+    let on_chart = |seed| {
+        let mut uniform = draws(seed);
+        let draw = drawn_far(&mut uniform);
+        off_over_stated(draw, uniform, (LEVEL, HIGHER_SHARE))
+    };
+    let ratios: Vec<f64> = (0..100).filter_map(on_chart).flatten().collect();
+    let off_by_more = ratios.iter().filter(|ratio| **ratio > 1.0).count();
+    let worst = ratios.iter().copied().fold(0.0, f64::max);
+    assert!(
+        ratios.len() > 2_000 && off_by_more <= ratios.len() / 200,
         "{off_by_more} of {}",
         ratios.len()
     );

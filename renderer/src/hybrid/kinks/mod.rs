@@ -1,5 +1,7 @@
 //! The shares of a tiling, tried on functions with kinks and edges whose integrals are closed forms.
 
+mod edges;
+
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
 use crate::film::demand::Demand;
@@ -9,6 +11,7 @@ use crate::film::{FilmPixel, target};
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
+use edges::Step;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -70,40 +73,6 @@ impl Shade for Ramps {
     fn at(&self, (): &mut (), at: [f64; 2], _: Tolerance) -> ([f64; 3], u32) {
         let ramps = self.0.iter().map(|&ramp| Self::height(ramp, at).max(0.0));
         ([1.0 + ramps.sum::<f64>(); 3], 1)
-    }
-}
-
-/// 1, and more beyond a straight line.
-struct Step {
-    line: [f64; 3],
-    height: f64,
-}
-
-impl Step {
-    fn drawn(random: &mut ChaCha8Rng) -> Self {
-        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
-        let normal = direction(uniform());
-        let [x, y] = [uniform(), uniform()];
-        let line = [normal[0], normal[1], -normal[0] * x - normal[1] * y];
-        Self {
-            line,
-            height: 0.1 * libm::exp10(-3.0 * uniform()),
-        }
-    }
-}
-
-impl Exact for Step {
-    fn integral(&self, part: &Polygon) -> f64 {
-        part.area() + self.height * part.cut(|at| Ramps::height(self.line, at)).area()
-    }
-}
-
-impl Shade for Step {
-    type Scratch = ();
-
-    fn at(&self, (): &mut (), at: [f64; 2], _: Tolerance) -> ([f64; 3], u32) {
-        let beyond = Ramps::height(self.line, at) > 0.0;
-        ([1.0 + if beyond { self.height } else { 0.0 }; 3], 1)
     }
 }
 
@@ -323,54 +292,6 @@ impl Tally {
             self.beyond += usize::from(off > allowed);
             self.worst = self.worst.max(off / allowed);
         }
-    }
-}
-
-/// Edges through squares of so many pixels a side, in tiles as large as they are.
-fn edges(side: u32, evaluations_max: u64) -> Tally {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
-    let length = f64::from(side);
-    let film = Film {
-        side,
-        outline: Polygon::quadrilateral([
-            [0.0, 0.0],
-            [length, 0.0],
-            [length, length],
-            [0.0, length],
-        ]),
-        side_max: length,
-        feature: None,
-        evaluations_max,
-    };
-    let mut tally = Tally::default();
-    for _ in 0..20_000 / side {
-        let mut step = Step::drawn(&mut random);
-        step.line[2] *= length;
-        tally.add(&film, &step);
-    }
-    tally
-}
-
-/// Where an edge runs along a tile's side through its middle, the coefficients of even polynomials vanish, and the
-/// means of the odd ones. The worst of these pixels is off by 0.98 of what it may be.
-#[test]
-fn an_edge_through_a_pixel_is_stated() {
-    for evaluations_max in [0, NO_LIMIT] {
-        let Tally { worst, beyond, .. } = edges(1, evaluations_max);
-        assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
-    }
-}
-
-/// In tiles of several pixels up to one pixel in 800 is off by more than it may be, by up to 1.7 times as much:
-/// edges of a hundredth of the light that run along a tile's side.
-#[test]
-fn an_edge_through_several_pixels_is_stated_but_for_few() {
-    for side in [2, 3, 4, 8] {
-        let Tally {
-            worst, beyond, lit, ..
-        } = edges(side, NO_LIMIT);
-        assert!(beyond * 700 < lit, "{side}: {beyond} of {lit}");
-        assert!(worst < 1.8, "{side}: {worst}");
     }
 }
 

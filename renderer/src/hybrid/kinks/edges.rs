@@ -1,0 +1,196 @@
+//! Edges, tried wherever they may lie.
+
+use super::{Exact, Film, NO_LIMIT, Ramps, Tally, direction};
+use crate::film::tiling::{Shade, WIDEST_GAP};
+use crate::numerics::polygon::Polygon;
+use crate::numerics::tolerance::Tolerance;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// 1, and more beyond a straight line.
+#[derive(Clone, Copy)]
+pub struct Step {
+    pub line: [f64; 3],
+    pub height: f64,
+}
+
+impl Step {
+    pub fn drawn(random: &mut ChaCha8Rng) -> Self {
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let normal = direction(uniform());
+        let [x, y] = [uniform(), uniform()];
+        let line = [normal[0], normal[1], -normal[0] * x - normal[1] * y];
+        Self {
+            line,
+            height: 0.1 * libm::exp10(-3.0 * uniform()),
+        }
+    }
+}
+
+impl Exact for Step {
+    fn integral(&self, part: &Polygon) -> f64 {
+        part.area() + self.height * part.cut(|at| Ramps::height(self.line, at)).area()
+    }
+}
+
+impl Shade for Step {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), at: [f64; 2], _: Tolerance) -> ([f64; 3], u32) {
+        let beyond = Ramps::height(self.line, at) > 0.0;
+        ([1.0 + if beyond { self.height } else { 0.0 }; 3], 1)
+    }
+}
+
+/// Two parallel edges: what rises twice, anywhere, or a stripe that no two neighbouring nodes lie on either side of.
+struct Stripe([Step; 2]);
+
+impl Stripe {
+    /// Across a square of so many pixels a side.
+    fn drawn(random: &mut ChaCha8Rng, side: f64) -> Self {
+        let mut first = Step::drawn(random);
+        first.line[2] *= side;
+        let mut second = first;
+        let uniform = f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let (width, height) = match random.next_u32() % 4 {
+            0 => (side * (WIDEST_GAP + 0.5 * uniform), -1.0),
+            1 => (side * (WIDEST_GAP + 0.5 * uniform), -0.5),
+            2 => (libm::exp10(-2.5 * uniform), 0.5),
+            _ => (libm::exp10(-2.5 * uniform), 1.0),
+        };
+        second.line[2] += width;
+        second.height *= height;
+        Self([first, second])
+    }
+}
+
+impl Exact for Stripe {
+    fn integral(&self, part: &Polygon) -> f64 {
+        let [first, second] = self.0.each_ref().map(|step| step.integral(part));
+        first + second - part.area()
+    }
+}
+
+impl Shade for Stripe {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), at: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
+        let values = self.0.each_ref().map(|step| {
+            let ([value, ..], _) = step.at(&mut (), at, tolerance);
+            value
+        });
+        ([values[0] + values[1] - 1.0; 3], 1)
+    }
+}
+
+/// A film with something on this outline, in tiles as large as it is.
+fn film(side: f64, outline: Polygon, evaluations_max: u64) -> Film {
+    Film {
+        side: side.ceil() as u32,
+        outline,
+        side_max: side,
+        feature: None,
+        evaluations_max,
+    }
+}
+
+/// A square of so many pixels a side.
+fn square(side: f64) -> Polygon {
+    Polygon::quadrilateral([[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]])
+}
+
+/// What is worked out of many functions on squares, which are seen whole.
+fn tally<E: Exact>(
+    side: f64,
+    evaluations_max: u64,
+    mut drawn: impl FnMut(&mut ChaCha8Rng) -> E,
+) -> Tally {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
+    let film = film(side, square(side), evaluations_max);
+    let mut tally = Tally::default();
+    for _ in 0..(20_000.0 / side) as u32 {
+        tally.add(&film, &drawn(&mut random));
+    }
+    tally
+}
+
+/// Edges through squares of so many pixels a side.
+fn edges(side: f64, evaluations_max: u64) -> Tally {
+    tally(side, evaluations_max, |random| {
+        let mut step = Step::drawn(random);
+        step.line[2] *= side;
+        step
+    })
+}
+
+/// Where an edge runs along a tile's side through its middle, the coefficients of even polynomials vanish, and the
+/// means of the odd ones.
+#[test]
+fn an_edge_through_a_pixel_is_stated() {
+    for evaluations_max in [0, NO_LIMIT] {
+        let Tally { worst, beyond, .. } = edges(1.0, evaluations_max);
+        assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
+    }
+}
+
+/// Sides of tiles of several pixels, and of parts of pixels.
+const SIDES: [f64; 9] = [0.3, 1.2, 1.5, 2.0, 2.5, 3.0, 5.3, 8.0, 11.5];
+
+/// By the last coefficients and points between the nodes, one pixel in 800 is off by more than it may be, by up to 2.3
+/// times: edges of a hundredth of the light that run along a tile's side (draw 2513 of seed 20261134 of the search was
+/// one). Now the worst is off by 0.7 of what it may be.
+#[test]
+fn an_edge_through_several_pixels_is_stated() {
+    for side in SIDES {
+        let Tally { worst, beyond, .. } = edges(side, NO_LIMIT);
+        assert_eq!(
+            beyond, 0,
+            "{side}: off by up to {worst} of what it may be off by"
+        );
+    }
+}
+
+/// Where two edges are equally high, neither is more than half of what a line changes by: one pixel in 1,000 is off by
+/// more than it may be on parts of pixels, by up to 2.7 times, and one in 20,000 on larger tiles.
+#[test]
+fn two_edges_are_stated_but_for_few() {
+    for side in SIDES {
+        let drawn = |random: &mut ChaCha8Rng| Stripe::drawn(random, side);
+        let Tally {
+            worst, beyond, lit, ..
+        } = tally(side, NO_LIMIT, drawn);
+        let (one_in, worst_max) = if side < 1.5 {
+            (1_000, 2.7)
+        } else {
+            (15_000, 1.3)
+        };
+        assert!(beyond * one_in < lit, "{side}: {beyond} of {lit}");
+        assert!(worst < worst_max, "{side}: {worst}");
+    }
+}
+
+/// Of a pixel that the outline cuts, an edge may change a larger share: of 700,000 pixels three were off by up to 1.3
+/// times what they may be off by.
+#[test]
+fn an_edge_beside_an_outline_is_stated() {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_128);
+    for side in [1.0, 2.0, 3.0, 5.0, 8.0] {
+        let mut tally = Tally::default();
+        for _ in 0..(20_000.0 / side) as u32 {
+            let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+            let corners = [[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]];
+            let corners = corners.map(|corner| corner.map(|at| side * (at + 0.5 * uniform())));
+            let mut step = Step::drawn(&mut random);
+            step.line[2] *= side;
+            tally.add(
+                &film(side, Polygon::quadrilateral(corners), NO_LIMIT),
+                &step,
+            );
+        }
+        let Tally { worst, beyond, .. } = tally;
+        assert_eq!(
+            beyond, 0,
+            "{side}: off by up to {worst} of what it may be off by"
+        );
+    }
+}
