@@ -382,8 +382,9 @@ pub mod glossy {
     /// the rule of wide lobes serves.
     pub const ORDERS: u32 = 3;
 
-    /// But not from this exponent on, where it would take a millisecond a point (estimated). There the
-    /// finest polynomial serves, and states how far the one before it was off.
+    /// But not from this exponent on, where it would take a millisecond a point (estimated). There a third finer order
+    /// of polynomials serves, and states how far the one before it was off. Measured: without it one of the first
+    /// 14,000 images of the preset has fewer than 99 percent of its pixels within the tolerance for it (material 608).
     pub const WIDE_RULE_EXPONENT: f64 = 1e4;
 
     /// The length of a cell of the light on the chart in ln(1 + height / gap). Estimated: a parabola over

@@ -267,6 +267,18 @@ struct ChartOffGlossyLobe<'a, const NODES: usize> {
     wide: ChartOffWideLobe<'a, NODES>,
 }
 
+impl<const NODES: usize> ChartOffGlossyLobe<'_, NODES> {
+    /// Whether the rules of wide lobes follow the polynomials.
+    fn has_wide_rules(&self) -> bool {
+        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
+    }
+
+    /// Orders of polynomials: one more where nothing follows them.
+    fn orders(&self) -> u32 {
+        glossy_budget::ORDERS + u32::from(!self.has_wide_rules())
+    }
+}
+
 impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     type Scratch = (glossy::Scratch, LightBatch);
 
@@ -276,7 +288,7 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
-        let Some(above) = tolerance.level().checked_sub(glossy_budget::ORDERS) else {
+        let Some(above) = tolerance.level().checked_sub(self.orders()) else {
             let (position, wo) = self.wide.view.sample_point(film_point);
             return self.chart.reflected(position, wo, tolerance, glossy);
         };
@@ -286,21 +298,21 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
     }
 
     fn finest_level(&self) -> u32 {
-        if self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT {
-            glossy_budget::ORDERS + 1
+        if self.has_wide_rules() {
+            self.orders() + 1
         } else {
-            glossy_budget::ORDERS - 1
+            self.orders() - 1
         }
     }
 
     fn kind_changes_at(&self) -> Option<u32> {
-        Some(glossy_budget::ORDERS)
+        Some(self.orders())
     }
 
     /// Near the chart, light bends over lobes that are not the narrowest: there rules missed ten times more at the
     /// sample's edge than in the middle of a tile.
     fn is_uneven(&self) -> bool {
-        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
+        self.has_wide_rules()
     }
 
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
