@@ -340,7 +340,7 @@ impl<S: Shade> Tiling<'_, S> {
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
-        (fit, values): (&Fit, &Values),
+        (fit, at_nodes): (&Fit, &Values),
         rule: &Rule,
         is_met: impl Fn(f64) -> bool,
         function: &mut Counted<'_, S>,
@@ -354,7 +354,8 @@ impl<S: Shade> Tiling<'_, S> {
             return Err(steep);
         }
         let tolerance = rule.tolerance;
-        let steps = self.left_open_by_steps(&tile.rectangle, values, &is_met, tolerance, function);
+        let steps =
+            self.left_open_by_steps(&tile.rectangle, at_nodes, &is_met, tolerance, function);
         mean = mean.max(steps);
         if !is_met(mean) {
             return Err(steep);
