@@ -91,7 +91,14 @@ impl<S: Shade> Tiling<'_, S> {
             let brightness = before + self.gain * fine[0].max(fine[1]).max(fine[2]);
             let may_miss = self.demand.shares.rule * self.allowed(brightness, effort);
             let counts = |missed| missed > may_miss && effort != Effort::None;
-            let missed = self.missed_if_slow((middle, value), shown, counts, tolerance, function);
+            let is_refined = before_missed.is_finite();
+            let missed = self.missed_if_slow(
+                (middle, value),
+                (shown, is_refined),
+                counts,
+                tolerance,
+                function,
+            );
             if missed <= may_miss {
                 return stated(tolerance, 1.0, missed, 0.0);
             }
@@ -137,18 +144,21 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// What a rule misses at a point where it gives `value`. It differs by `shown` from the next finer one, which may
-    /// be a fraction of what it misses. If more would count, the finest rule of its kind tells. Two that follow each
-    /// other may agree by chance: polynomials of degree 4 and 6 did to 1e-5 where both missed 9e-4 (draw 1683 of seed
-    /// 20261131 of the search). Of an uneven rule the finest of all tells, too, where it has converged.
+    /// be a fraction of what it misses. If more would count, the finest rule of its kind tells, and for a rule that
+    /// `is_refined` from one that missed too much. Two that follow each other may agree by chance: polynomials of degree
+    /// 4 and 6 did to 1e-5 where both missed 9e-4 (draw 1683 of seed 20261131 of the search), and two rules to 1e-9
+    /// where both missed 1.4e-4 (draw 2790 of seed 20261136). Of an uneven rule the finest of all tells, too, where it
+    /// has converged.
     fn missed_if_slow(
         &self,
         (at, value): ([f64; 2], [f64; 3]),
-        shown: f64,
+        (shown, is_refined): (f64, bool),
         counts: impl Fn(f64) -> bool,
         tolerance: Tolerance,
         function: &mut Counted<'_, S>,
     ) -> f64 {
-        if counts(shown) || !counts(SLOW * shown) {
+        let is_slow = counts(SLOW * shown);
+        if counts(shown) || !(is_slow || is_refined) {
             return shown;
         }
         let mut finer_by = |levels: u32| {
@@ -163,7 +173,7 @@ impl<S: Shade> Tiling<'_, S> {
             missed = missed.max(largest_difference(value, finest));
         }
         let above = self.shade.finest_level().saturating_sub(level);
-        if above < 2 || !self.shade.is_uneven() || counts(missed) {
+        if above < 2 || !self.shade.is_uneven() || !is_slow || counts(missed) {
             return missed;
         }
         let [last, finest] = [above - 1, above].map(finer_by);
@@ -203,7 +213,7 @@ impl<S: Shade> Tiling<'_, S> {
             }
         }
         if let Some(point) = worst {
-            missed = self.missed_if_slow(point, missed, counts, tolerance, function);
+            missed = self.missed_if_slow(point, (missed, false), counts, tolerance, function);
         }
         let [columns, rows] = ends.map(|[low, high]| (high - low).abs());
         AtCorners {

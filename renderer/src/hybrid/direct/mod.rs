@@ -26,6 +26,7 @@ use crate::vector::Vec3;
 pub use bulb::SlopeBatch;
 pub use bulb_light::BulbLight;
 use bulb_on_film::BulbOffSample;
+use std::f64::consts::FRAC_PI_2;
 
 /// Adds the bulb's light off the sample to the film; returns evaluations.
 pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
@@ -60,7 +61,11 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         },
         faint: view.budget.chart.absolute,
         side_max: feature,
-        feature: mirror_image(view, reflectance),
+        feature: if is_sharp {
+            mirror_image(view, reflectance)
+        } else {
+            below_camera(view)
+        },
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
         shares: TILING,
@@ -87,6 +92,27 @@ fn mirror_image(view: &View, reflectance: &Reflectance) -> Option<Rectangle> {
         low: low.map(|low| low - reach),
         high: high.map(|high| high + reach),
     })
+}
+
+/// The box on the film around the part of the sample from which the camera stands higher than the lowest point of the
+/// bulb; `None` where that has no end or reaches behind the camera.
+///
+/// There the bulb's light is lessened by how much the camera stands higher. Where bulb and camera are nearly overhead
+/// the part may hide between the nodes of a tile of all of the sample.
+fn below_camera(view: &View) -> Option<Rectangle> {
+    let position = view.camera.position;
+    let below = Vec3::new(position.x, position.y, 0.0);
+    let Bulb { centre, radius, .. } = view.bulb;
+    let to_bulb = centre - below;
+    let off_zenith = libm::acos(to_bulb.z / to_bulb.length());
+    let half_angle = libm::asin((radius / to_bulb.length()).min(1.0));
+    let most = off_zenith + half_angle;
+    if most >= FRAC_PI_2 {
+        return None;
+    }
+    let reach = position.z * libm::tan(most);
+    let [low, high] = view.camera.sphere_box(below, reach)?;
+    Some(Rectangle { low, high })
 }
 
 /// A view whose film has `times` as many pixels along either side.
