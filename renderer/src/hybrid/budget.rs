@@ -245,8 +245,8 @@ pub mod direct {
     /// point is the largest error.
     pub(super) const LINEAR_RULE_SHARE: f64 = 0.1;
 
-    /// About a second of a core at 128 x 128 (measured). With 1,200 a pixel one of the first 14,000 images of the preset
-    /// had fewer than 99 percent of its pixels within the tolerance for it (material 416).
+    /// About a second of a core at 128 x 128 (measured). With 1,200 a pixel one of the first 14,000 images of the
+    /// preset had fewer than 99 percent of its pixels within the tolerance for it (material 416).
     pub const LIMIT: Limit = Limit {
         per_pixel: 1_600,
         least: 20_000_000,

@@ -335,8 +335,9 @@ impl<S: Shade> Tiling<'_, S> {
         LINES.iter().copied().find(is_steep).map(|[axis, _]| axis)
     }
 
-    /// What a tile shows to be off by: what its series leaves out, what steps between its nodes leave open, and what its
-    /// corners, sides and points between its nodes show. As soon as that is not met, the axis along which the tile is to be halved instead.
+    /// What a tile shows to be off by: what its series leaves out, what steps between its nodes leave open, and what
+    /// its corners, sides and points between its nodes show. As soon as that is not met, the axis along which the tile
+    /// is to be halved instead.
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,

@@ -144,11 +144,11 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// What a rule misses at a point where it gives `value`. It differs by `shown` from the next finer one, which may
-    /// be a fraction of what it misses. If more would count, the finest rule of its kind tells, and for a rule that
-    /// `is_refined` from one that missed too much. Two that follow each other may agree by chance: polynomials of degree
-    /// 4 and 6 did to 1e-5 where both missed 9e-4 (draw 1683 of seed 20261131 of the search), and two rules to 1e-9
-    /// where both missed 1.4e-4 (draw 2790 of seed 20261136). Of an uneven rule the finest of all tells, too, where it
-    /// has converged.
+    /// be a fraction of what it misses. The finest rule of its kind tells if more would count, and for a rule that
+    /// `is_refined`: the one before it missed too much. Two that follow each other may agree by chance: polynomials of
+    /// degree 4 and 6 did to 1e-5 where both missed 9e-4 (draw 1683 of seed 20261131 of the search), and two rules to
+    /// 1e-9 where both missed 1.4e-4 (draw 2790 of seed 20261136). Of an uneven rule the finest of all tells, too,
+    /// where it has converged.
     fn missed_if_slow(
         &self,
         (at, value): ([f64; 2], [f64; 3]),

@@ -218,8 +218,8 @@ impl<const LEVELS: usize> Shade for TwoKinds<LEVELS> {
     }
 }
 
-/// A tenth of white by rules of one kind, to which more digits mean nothing until they are many. What those of each level
-/// miss, and what one of the first level that is only a little finer misses.
+/// A tenth of white by rules of one kind, to which more digits mean nothing until they are many. What those of each
+/// level miss, and what one of the first level that is only a little finer misses.
 struct Sudden {
     missed: [f64; 3],
     a_little_finer: f64,
@@ -332,8 +332,8 @@ impl Tally {
     }
 }
 
-/// A rule that was mended is no better for agreeing with the next one: both missed 5 percent of a point's light in the far
-/// tail of a lobe, and agreed to 1e-9 of white (draw 2790 of seed 20261136 of the search).
+/// A rule that was refined is no better for agreeing with the next one: both missed 5 percent of a point's light in the
+/// far tail of a lobe, and agreed to 1e-9 of white (draw 2790 of seed 20261136 of the search).
 #[test]
 fn rules_that_agree_once_they_are_refined_are_found_out() {
     for missed in [2e-4, 1e-3, 1e-2] {
