@@ -224,14 +224,7 @@ async fn answer(
         count.under_way += 1;
         count.since.get_or_insert_with(Instant::now);
     }
-    if kind == "DELETE" {
-        let wait = state.removal_milliseconds.load(Ordering::Relaxed);
-        tokio::time::sleep(Duration::from_millis(wait.into())).await;
-    }
-    let written = state.written.notified();
-    if kind == "LIST" && state.hold_listing.swap(false, Ordering::Relaxed) {
-        written.await;
-    }
+    wait_if_told(kind, &state).await;
     let response = service.call(request).await;
     let mut response = response.map_err(|error| io::Error::other(format!("{error:?}")))?;
     if kind == "PUT" {
@@ -257,6 +250,18 @@ async fn answer(
     }
     drop(counts);
     Ok(response)
+}
+
+/// Waits as long as requests of this kind are to wait.
+async fn wait_if_told(kind: &str, state: &State) {
+    if kind == "DELETE" {
+        let wait = state.removal_milliseconds.load(Ordering::Relaxed);
+        tokio::time::sleep(Duration::from_millis(wait.into())).await;
+    }
+    let written = state.written.notified();
+    if kind == "LIST" && state.hold_listing.swap(false, Ordering::Relaxed) {
+        written.await;
+    }
 }
 
 /// A PUT by somebody who has no key, only a URL.

@@ -297,6 +297,16 @@ struct Tally {
 }
 
 impl Tally {
+    /// Many pixels, each off by no more than it may be.
+    fn expect_stated(&self) {
+        assert!(self.lit > 80_000, "{}", self.lit);
+        assert_eq!(
+            self.beyond, 0,
+            "off by up to {} of what is stated",
+            self.worst
+        );
+    }
+
     fn add(&mut self, film: &Film, function: &impl Exact) {
         let Film { side, outline, .. } = *film;
         let mut pixels = vec![FilmPixel::default(); (side * side) as usize];
@@ -488,11 +498,7 @@ fn rules_that_agree_by_chance_are_found_out() {
         };
         tally.add(&film, &chance);
     }
-    let Tally {
-        lit, beyond, worst, ..
-    } = tally;
-    assert!(lit > 80_000, "{lit}");
-    assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
+    tally.expect_stated();
 }
 
 /// Next to the chart polynomials converge slowly, and where no rule of wide lobes follows the finest of them misses
@@ -517,11 +523,7 @@ fn the_finest_of_slow_polynomials_states_what_it_misses() {
         };
         tally.add(&film, &slow);
     }
-    let Tally {
-        lit, beyond, worst, ..
-    } = tally;
-    assert!(lit > 80_000, "{lit}");
-    assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
+    tally.expect_stated();
 }
 
 /// Kinks at places and in directions that no tile knows; half of them run along the tiles' sides, where no
