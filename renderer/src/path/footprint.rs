@@ -112,21 +112,28 @@ impl Outline {
 
     /// The part of the pixel that lies inside.
     pub fn within_pixel(&self, column: u32, row: u32) -> Option<Area> {
-        let (column, row) = (f64::from(column), f64::from(row));
-        if let Some([columns, rows]) = self.bounds {
-            let apart =
-                |[low, high]: [f64; 2], position: f64| high <= position || low >= position + 1.0;
-            if apart(columns, column) || apart(rows, row) {
+        let first = [f64::from(column), f64::from(row)];
+        self.within([first, first.map(|first| first + 1.0)])
+    }
+
+    /// The part of a rectangle of the film that lies inside, from its least and its largest column and row.
+    pub fn within(&self, [least, largest]: [[f64; 2]; 2]) -> Option<Area> {
+        if let Some(bounds) = self.bounds {
+            let apart = |axis: usize| {
+                let [low, high] = bounds[axis];
+                high <= least[axis] || low >= largest[axis]
+            };
+            if apart(0) || apart(1) {
                 return None;
             }
         }
         // Inside where the product is not negative. All four together leave what is in front of
         // the camera.
         let sides = [
-            [1.0, 0.0, -column],
-            [-1.0, 0.0, column + 1.0],
-            [0.0, 1.0, -row],
-            [0.0, -1.0, row + 1.0],
+            [1.0, 0.0, -least[0]],
+            [-1.0, 0.0, largest[0]],
+            [0.0, 1.0, -least[1]],
+            [0.0, -1.0, largest[1]],
         ];
         let mut corners = self.corners.clone();
         for side in sides {
@@ -139,8 +146,8 @@ impl Outline {
             .iter()
             .map(|[x, y, depth]| {
                 [
-                    (x / depth).clamp(column, column + 1.0),
-                    (y / depth).clamp(row, row + 1.0),
+                    (x / depth).clamp(least[0], largest[0]),
+                    (y / depth).clamp(least[1], largest[1]),
                 ]
             })
             .collect();
@@ -242,6 +249,50 @@ impl Area {
     /// Its area, 1 for the whole pixel.
     pub fn size(&self) -> f64 {
         self.size
+    }
+
+    /// Its least and its largest column and row.
+    pub fn bounds(&self) -> [[f64; 2]; 2] {
+        let everywhere = [[f64::INFINITY; 2], [f64::NEG_INFINITY; 2]];
+        self.slabs
+            .iter()
+            .fold(everywhere, |[least, largest], slab| {
+                let [near, far] = slab.sides;
+                [
+                    [least[0].min(slab.left), least[1].min(near[0]).min(far[0])],
+                    [
+                        largest[0].max(slab.left + slab.width),
+                        largest[1].max(near[1]).max(far[1]),
+                    ],
+                ]
+            })
+    }
+
+    /// Its point that is nearest to another.
+    pub fn nearest(&self, point: [f64; 2]) -> [f64; 2] {
+        if self.holds(point) {
+            return point;
+        }
+        let sides = self.slabs.iter().flat_map(|slab| {
+            let right = slab.left + slab.width;
+            let [[low, high], [far_low, far_high]] = slab.sides;
+            let [a, b, c, d] = [
+                [slab.left, low],
+                [right, far_low],
+                [right, far_high],
+                [slab.left, high],
+            ];
+            [[a, b], [b, c], [c, d], [d, a]]
+        });
+        let nearest = sides.map(|[from, to]| {
+            let [along, off] = [to, point].map(|at| [at[0] - from[0], at[1] - from[1]]);
+            let length2 = along[0] * along[0] + along[1] * along[1];
+            let share = (off[0] * along[0] + off[1] * along[1]) / length2.max(f64::MIN_POSITIVE);
+            [0, 1].map(|axis| from[axis] + share.clamp(0.0, 1.0) * along[axis])
+        });
+        let distance = |at: &[f64; 2]| libm::hypot(at[0] - point[0], at[1] - point[1]);
+        let nearest = nearest.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        nearest.unwrap_or(point)
     }
 
     /// Whether it holds a point.

@@ -6,7 +6,7 @@
 use super::footprint::Outline;
 use super::streak::Streak;
 use crate::reflectance::lobe::Lobe;
-use crate::scene::{MirrorPoint, Scene};
+use crate::scene::{MirrorPoint, SampleSurface, Scene, SmoothSurface};
 use crate::vector::Vec3;
 use crate::warp::perpendiculars;
 use std::f64::consts::PI;
@@ -21,15 +21,31 @@ const LINEAR: f64 = 0.1;
 /// A lobe that is so many times wider along one axis than along the other makes a streak. Chosen.
 const STREAK: f64 = 10.0;
 
+/// A place lies beside the sample if it is so far off, in sides. Rounding.
+const BESIDE: f64 = 1e-9;
+
 /// Corners of the outline, and directions to the bulb's edge that are looked at.
 const SIDES: u32 = 256;
 
+/// Where the bulb shows in the sample.
+#[derive(Debug)]
+pub enum BulbShows {
+    /// In film outlines, each with how bright it is, but for a factor. None for a mesh, on which the bulb may show in
+    /// many places.
+    Within(Vec<(Outline, f64)>),
+    /// In a shape that no outline here has, or on no more than the sample's edge: most of an outline would lie beyond.
+    Unoutlined {
+        /// Where on the film the bulb's centre would show in a mirror, if the camera sees that.
+        mirror_image: Option<[f64; 2]>,
+    },
+}
+
 /// Film outlines that together hold the points of the sample from which a facet that the lobe holds turns the
 /// camera's direction to the bulb. About the mirror image's centre slopes of half vectors are linear in
-/// the position; far from it the outline is only near the right one, but for a [`Streak`] on a flat sample, which is
-/// cut into parts. None for a mesh, on which the bulb may show in many places. With each goes how bright it is, but
-/// for a factor.
-pub fn outlines(scene: &Scene, lobe: &Lobe) -> Vec<(Outline, f64)> {
+/// the position. Where they are not on a flat sample, a [`Streak`] is cut into parts, and other highlights have no
+/// outline; nor have those about a mirror image beside the sample. On a curved sample the outline is only near the
+/// right one far from the centre.
+pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
     let (camera, bulb) = (&scene.camera, &scene.bulb);
     let (eye, centre) = (camera.position, bulb.centre);
     let MirrorPoint {
@@ -38,7 +54,7 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> Vec<(Outline, f64)> {
         curvature,
     } = match scene.sample.mirror_point(eye, centre) {
         Some(point) => point,
-        None => return Vec::new(),
+        None => return BulbShows::Within(Vec::new()),
     };
     let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
@@ -76,10 +92,25 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> Vec<(Outline, f64)> {
     let is_linear = |&(at, slopes): &([f64; 2], [f64; 2])| streak.off(at, slopes, reach) < LINEAR;
     let is_flat = curvature == [0.0; 2];
     if is_flat && reach[1] > STREAK * reach[0] && !corners.iter().all(is_linear) {
-        return streak.outlines(camera, to_world);
+        return BulbShows::Within(streak.outlines(camera, to_world));
+    }
+    if is_flat && (is_beside(&scene.sample, position) || !corners.iter().all(is_linear)) {
+        return BulbShows::Unoutlined {
+            mirror_image: camera.project(position),
+        };
     }
     let corners: Vec<Vec3> = corners.iter().map(|&(at, _)| to_world(at)).collect();
-    vec![(Outline::of_polygon(camera, &corners), 1.0)]
+    BulbShows::Within(vec![(Outline::of_polygon(camera, &corners), 1.0)])
+}
+
+/// Whether a place on the plane of a flat sample lies beside it.
+fn is_beside(sample: &SampleSurface, position: Vec3) -> bool {
+    match sample {
+        SampleSurface::Smooth(SmoothSurface::Square(square)) => {
+            square.distance(position) > BESIDE * square.u_length
+        }
+        _ => false,
+    }
 }
 
 /// The largest slopes along the lobe's axes of half vectors between `wo` and the bulb.
@@ -123,10 +154,13 @@ mod tests {
         let mut lobe = Lobe::new(10.0, 0.5, 30.0);
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
-        let outlines = outlines(&scene, &lobe);
-        let area = outlines
+        let BulbShows::Within(outlines) = outlines(&scene, &lobe) else {
+            panic!("the bulb shows in the middle of the sample");
+        };
+        let mut areas = outlines
             .iter()
-            .find_map(|(outline, _)| outline.within_pixel(0, 0));
+            .map(|(outline, _)| outline.within_pixel(0, 0));
+        let area = areas.find_map(|area| area);
         let area = area.expect("the camera sees it");
         let (eye, centre) = (camera.position, bulb.centre);
         let below = Vec3::new(centre.x, centre.y, -centre.z);

@@ -15,6 +15,7 @@
 //! `interval` states the error. For curved samples `counts` chooses how many paths a pixel gets, and
 //! `worked_out` spares them the bulb.
 
+mod cells;
 mod continuation;
 mod counts;
 mod facets;
@@ -45,6 +46,7 @@ use counts::Counts;
 use dataset::Specification;
 use facets::Facets;
 use footprint::{Area, Outline};
+use highlight::BulbShows;
 use reach::Reach;
 use trace::Picture;
 use worked_out::WorkedOut;
@@ -104,8 +106,8 @@ pub struct Tracer<'a> {
     outlines: Vec<(Target, Outline)>,
     /// A polygon inside the bulb's outline.
     inside_bulb: Outline,
-    /// The bulb's highlight on the sample, in parts, and how bright they are, but for a factor.
-    highlight: Vec<(Outline, f64)>,
+    /// Where the bulb shows in the sample.
+    highlight: BulbShows,
     /// What each pixel may see of a mesh, where the sample is one.
     facets: Option<Facets>,
     /// At most the radiance of the chart by the bulb's light.
@@ -163,18 +165,21 @@ struct Highlight {
 }
 
 impl Highlight {
-    /// What a pixel has of these parts of a highlight; `None` where that is nothing, or as large as `size`.
-    fn new(parts: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
-        let parts: Vec<(Area, f64)> = parts
-            .iter()
-            .filter_map(|(part, brightness)| Some((part.within_pixel(column, row)?, *brightness)))
-            .collect();
-        let light: f64 = parts
-            .iter()
-            .map(|(part, bright)| bright * part.size())
-            .sum();
+    /// What a pixel has of these outlines; `None` where that is nothing, or as large as `size`.
+    fn within(outlines: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
+        let parts = outlines.iter().filter_map(|(outline, brightness)| {
+            Some((outline.within_pixel(column, row)?, *brightness))
+        });
+        let parts: Vec<(Area, f64)> = parts.collect();
         let total: f64 = parts.iter().map(|(part, _)| part.size()).sum();
-        (light > 0.0 && total < size).then_some(Self { parts, light })
+        if total < size { Self::new(parts) } else { None }
+    }
+
+    /// Of these parts; `None` where they send no light.
+    fn new(parts: Vec<(Area, f64)>) -> Option<Self> {
+        let lights = parts.iter().map(|(part, bright)| bright * part.size());
+        let light: f64 = lights.sum();
+        (light > 0.0).then_some(Self { parts, light })
     }
 
     /// A point, from one of the open unit square: in parts that send more light there are more.
@@ -210,11 +215,14 @@ impl Part {
         } else {
             highlight.point([2.0 * x - 1.0, y])
         };
-        // The highlight may reach beyond the sample's edge, where nothing is met.
         let of_area = 1.0 / self.area.size();
         (point, 2.0 / (of_area + highlight.density(point)))
     }
 }
+
+/// By how much the bulb is taken to be larger than it is, so that cells on the rim of its image are seen to hold
+/// some of it. Chosen.
+const LARGER: f64 = 1.3;
 
 /// The share of a pixel's part below which the bulb's highlight gets paths of its own.
 const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
@@ -268,10 +276,17 @@ impl<'a> Tracer<'a> {
             }
             let area = outline.within_pixel(column, row)?;
             let highlight = match *target {
-                Target::Surface(Thing::Sample) => {
-                    let most = HIGHLIGHT_SHARE_MAX * area.size();
-                    Highlight::new(&self.highlight, [column, row], most)
-                }
+                Target::Surface(Thing::Sample) => match &self.highlight {
+                    BulbShows::Within(outlines) => {
+                        let most = HIGHLIGHT_SHARE_MAX * area.size();
+                        Highlight::within(outlines, [column, row], most)
+                    }
+                    BulbShows::Unoutlined { mirror_image } => {
+                        let brightness = |at| self.brightness(at);
+                        cells::of(outline, &area, *mirror_image, brightness)
+                            .and_then(Highlight::new)
+                    }
+                },
                 _ => None,
             };
             let gap = match *target {
@@ -291,6 +306,28 @@ impl<'a> Tracer<'a> {
         Footprint {
             parts: self.outlines.iter().filter_map(part).collect(),
         }
+    }
+
+    /// How bright the sample is at a place of the film, were all of the bulb where the lobe turns most of it to the
+    /// camera and hidden nowhere: in the brightest channel, but for a factor.
+    fn brightness(&self, [column, row]: [f64; 2]) -> f64 {
+        let ray = self.scene.camera.ray(column, row);
+        let Some(Encounter::Surface(surface)) = self.scene.encounter(&ray, None) else {
+            return 0.0;
+        };
+        if surface.thing != Thing::Sample {
+            return 0.0;
+        }
+        let bulb = &self.scene.bulb;
+        let to_bulb = surface.frame.to_local(bulb.centre - surface.position);
+        let wo = surface.frame.to_local(-ray.direction);
+        // The place of a somewhat larger bulb that is nearest to the ray that a mirror would turn to the camera.
+        let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
+        let off = mirrored * mirrored.dot(to_bulb).max(0.0) - to_bulb;
+        let nearest = to_bulb + off * (LARGER * bulb.radius / off.length()).min(1.0);
+        let wi = nearest.normalized();
+        let channels = self.reflectance.evaluate(wi, wo);
+        channels.into_iter().fold(0.0, f64::max) * wi.z.max(0.0) / to_bulb.length_squared()
     }
 
     /// At most what a pixel is off by because no path met the gap about the bulb.
@@ -556,3 +593,6 @@ fn accumulate(sum: &mut [f64; 3], throughput: [f64; 3], radiance: [f64; 3]) {
         *sum += throughput * radiance;
     }
 }
+
+#[cfg(test)]
+mod tests;

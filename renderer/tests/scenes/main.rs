@@ -89,7 +89,7 @@ fn a_short_search_finds_nothing() {
 }
 
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
-const ONCE_FAILED: [(u64, u64); 40] = [
+const ONCE_FAILED: [(u64, u64); 42] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
     (1_795_348_325, 34),
     (20_261_122, 558),
@@ -162,6 +162,10 @@ const ONCE_FAILED: [(u64, u64); 40] = [
     (20_261_136, 2271),
     // Two rules that agreed on all but the far tail of a lobe.
     (20_261_136, 2790),
+    // A highlight near the horizon in a pixel that sees most of the sample, traced.
+    (20_261_136, 1474),
+    // The bulb in a mirror, whose image bends near the horizon, traced.
+    (20_261_138, 278),
 ];
 
 #[test]

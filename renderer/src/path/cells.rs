@@ -1,0 +1,129 @@
+//! The parts of a pixel that send most light, found by looking.
+//!
+//! Near the horizon a highlight has an outline that no formula here gives: its middle is beside the mirror image, and
+//! slopes of half vectors are not linear across it. On the sample's edge only a sliver of it may be left. A pixel that
+//! sees most of the sample may hold all of this in a thousandth of its area. So the pixel is cut into cells, smaller
+//! ones where brightness changes.
+
+use super::footprint::{Area, Outline};
+
+/// How many times as bright as a pixel is on average some place has to be for the pixel to be cut. Chosen.
+const UNEVEN: f64 = 4.0;
+
+/// The most that cells are cut, each into four. Chosen.
+const CUTS_MAX: usize = 48;
+
+/// Nothing more is cut where what brightness may differ by within cells is such a share of all light. Chosen.
+const EVEN: f64 = 0.25;
+
+/// Where of the unit square an area is looked at.
+const PLACES: [[f64; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+
+/// A place on a side is looked at this share of the way to the middle: on the side itself rounding may miss the sample.
+const INWARD: f64 = 1e-3;
+
+/// The part of a rectangle of the film that sees the sample, and how bright it is at places.
+#[derive(Clone, Debug)]
+struct Cell {
+    area: Area,
+    mean: f64,
+    least: f64,
+    most: f64,
+}
+
+impl Cell {
+    /// At most the light that its mean may be off by, as far as the places tell.
+    fn doubt(&self) -> f64 {
+        (self.most - self.least) * self.area.size()
+    }
+
+    fn light(&self) -> f64 {
+        self.mean * self.area.size()
+    }
+
+    /// What it is taken to send: more than its mean, because the brightest place may lie between those looked at.
+    fn bright(&self) -> f64 {
+        0.5 * (self.mean + self.most)
+    }
+}
+
+/// Cuts what a pixel sees of the sample.
+struct Cutter<'a, F> {
+    outline: &'a Outline,
+    /// Where on the film most light is, about.
+    toward: Option<[f64; 2]>,
+    brightness: F,
+}
+
+impl<F: Fn([f64; 2]) -> f64> Cutter<'_, F> {
+    /// Looks at places of an area, and at the one nearest to where most light is.
+    fn cell(&self, area: Area) -> Cell {
+        let values = PLACES.map(|place| (self.brightness)(area.point(place)));
+        let nearest = self.toward.map(|toward| {
+            let (nearest, middle) = (area.nearest(toward), area.point([0.5; 2]));
+            [0, 1].map(|axis| nearest[axis] + (middle[axis] - nearest[axis]) * INWARD)
+        });
+        let looked_at = values.into_iter().chain(nearest.map(&self.brightness));
+        let range = [f64::INFINITY, 0.0];
+        let [least, most] = looked_at.fold(range, |[least, most], value| {
+            [least.min(value), most.max(value)]
+        });
+        Cell {
+            area,
+            mean: values.iter().sum::<f64>() / values.len() as f64,
+            least,
+            most,
+        }
+    }
+
+    /// The quarters of the rectangle about an area.
+    fn quarters(&self, area: &Area) -> impl Iterator<Item = Cell> {
+        let [least, largest] = area.bounds();
+        let middle = [0, 1].map(|axis| 0.5 * (least[axis] + largest[axis]));
+        let steps = [[0, 0], [1, 0], [0, 1], [1, 1]];
+        steps.into_iter().filter_map(move |steps: [usize; 2]| {
+            let corner = [0, 1].map(|axis| [least, middle][steps[axis]][axis]);
+            let end = [0, 1].map(|axis| [middle, largest][steps[axis]][axis]);
+            Some(self.cell(self.outline.within([corner, end])?))
+        })
+    }
+}
+
+/// The cells of `area`, the part of a pixel within `outline`, and how bright they are, but for a factor; `None` where
+/// all of it is about as bright. `brightness` tells it of a place on the film; about `toward` there is much.
+pub fn of(
+    outline: &Outline,
+    area: &Area,
+    toward: Option<[f64; 2]>,
+    brightness: impl Fn([f64; 2]) -> f64,
+) -> Option<Vec<(Area, f64)>> {
+    let cutter = Cutter {
+        outline,
+        toward,
+        brightness,
+    };
+    let mut cells: Vec<Cell> = cutter.quarters(area).collect();
+    let light = |cells: &[Cell]| cells.iter().map(Cell::light).sum::<f64>();
+    let most = cells
+        .iter()
+        .fold(0.0, |most: f64, cell| most.max(cell.most));
+    if most * area.size() <= UNEVEN * light(&cells) {
+        return None;
+    }
+    for _ in 0..CUTS_MAX {
+        let doubt: f64 = cells.iter().map(Cell::doubt).sum();
+        if doubt <= EVEN * light(&cells) {
+            break;
+        }
+        let by_doubt = |a: &usize, b: &usize| cells[*a].doubt().total_cmp(&cells[*b].doubt());
+        let index = (0..cells.len()).max_by(by_doubt)?;
+        let cell = cells.swap_remove(index);
+        cells.extend(cutter.quarters(&cell.area));
+    }
+    let bright = cells.into_iter().filter(|cell| cell.most > 0.0);
+    Some(
+        bright
+            .map(|cell| (cell.area.clone(), cell.bright()))
+            .collect(),
+    )
+}
