@@ -120,10 +120,10 @@ pub fn of(
         let cell = cells.swap_remove(index);
         cells.extend(cutter.quarters(&cell.area));
     }
-    let bright = cells.into_iter().filter(|cell| cell.most > 0.0);
-    Some(
-        bright
-            .map(|cell| (cell.area.clone(), cell.bright()))
-            .collect(),
-    )
+    let lit = cells.into_iter().filter(|cell| cell.most > 0.0);
+    let parts = lit.map(|cell| {
+        let bright = cell.bright();
+        (cell.area, bright)
+    });
+    Some(parts.collect())
 }
