@@ -379,6 +379,27 @@ mod tests {
     }
 
     #[test]
+    fn no_place_of_an_area_is_nearer_than_its_nearest() {
+        let area = Area::new(&[[0.1, 0.2], [0.9, 0.0], [0.6, 0.8], [0.3, 0.9]]).expect("an area");
+        let [least, largest] = area.bounds();
+        assert_eq!((least, largest), ([0.1, 0.0], [0.9, 0.9]));
+        let distance = |a: [f64; 2], b: [f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
+        let side = 60;
+        let places = || (0..side * side).map(|i| [i % side, i / side].map(|k| f64::from(k) + 0.5));
+        for from in places().map(|at| at.map(|k| 2.0 * k / f64::from(side) - 0.5)) {
+            let nearest = area.nearest(from);
+            let inward = [0, 1].map(|axis| nearest[axis] + 1e-9 * (0.5 - nearest[axis]));
+            assert!(area.holds(inward), "{nearest:?}");
+            for at in places().map(|at| area.point(at.map(|k| k / f64::from(side)))) {
+                assert!(
+                    distance(from, nearest) <= distance(from, at) + 1e-12,
+                    "{from:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
     fn a_triangle_is_filled_evenly() {
         let area = Area::new(&[[0.0, 0.0], [1.0, 0.0], [0.25, 1.0]]).expect("a triangle");
         assert!((area.size() - 0.5).abs() < 1e-15);

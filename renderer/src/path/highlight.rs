@@ -142,8 +142,8 @@ mod tests {
     use crate::geometry::BackendChoice;
     use dataset::Specification;
 
-    /// The share of the lobe's light about the mirror image that lies outside of the outline.
-    fn share_outside(view: usize, exponents: [f64; 2]) -> f64 {
+    /// The share of the lobe's light about the mirror image that lies outside of the outline, if there is one.
+    fn share_outside(view: usize, exponents: [f64; 2]) -> Option<f64> {
         const STEPS: i32 = 120;
         const WIDTHS: f64 = 12.0;
         let mut specification = Specification::preset();
@@ -155,12 +155,12 @@ mod tests {
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
         let BulbShows::Within(outlines) = outlines(&scene, &lobe) else {
-            panic!("the bulb shows in the middle of the sample");
+            return None;
         };
         let mut areas = outlines
             .iter()
-            .map(|(outline, _)| outline.within_pixel(0, 0));
-        let area = areas.find_map(|area| area);
+            .filter_map(|(outline, _)| outline.within_pixel(0, 0));
+        let area = areas.next();
         let area = area.expect("the camera sees it");
         let (eye, centre) = (camera.position, bulb.centre);
         let below = Vec3::new(centre.x, centre.y, -centre.z);
@@ -182,25 +182,23 @@ mod tests {
                 }
             }
         }
-        outside / all
+        Some(outside / all)
     }
 
     #[test]
     fn the_outline_holds_the_highlight() {
+        let mut outlined = 0;
         for view in 0..Specification::preset().views.len() {
-            for (exponents, most) in [
-                ([1e6, 1e6], 2e-4),
-                ([1e4, 1e4], 2e-4),
-                ([1e6, 2e3], 2e-4),
-                // So wide that slopes are not linear any more.
-                ([3e3, 300.0], 2e-3),
-            ] {
-                let outside = share_outside(view, exponents);
-                assert!(
-                    outside < most,
-                    "view {view}, exponents {exponents:?}: {outside}"
-                );
+            for exponents in [[1e6, 1e6], [1e5, 1e5], [1e4, 1e4], [1e6, 2e3]] {
+                if let Some(outside) = share_outside(view, exponents) {
+                    outlined += 1;
+                    assert!(
+                        outside < 2e-4,
+                        "view {view}, exponents {exponents:?}: {outside}"
+                    );
+                }
             }
         }
+        assert!(outlined > 15, "{outlined}");
     }
 }
