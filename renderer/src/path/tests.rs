@@ -135,7 +135,6 @@ fn traced(drawn: fn(&mut Random) -> (Specification, Material)) -> Found {
             found.far += u32::from(off > 0.5 * right);
         }
     }
-    eprintln!("{found:?}");
     found
 }
 
