@@ -8,9 +8,9 @@
 #
 #   tests/inverse.sh derivatives [CASES [SIDE [ACCURACY [TIGHT [FIRST]]]]]
 #
-# Compares derivatives of images of SIDE x SIDE (16) pixels rendered to a relative ACCURACY (1e-4)
+# Compares derivatives of images of SIDE x SIDE (8) pixels rendered to a relative ACCURACY (1e-5)
 # with extrapolated differences of images rendered to TIGHT (1e-5), over all views of CASES (62): the
-# 12 hard cases, then materials drawn from the preset.
+# 12 hard cases, then materials drawn from the preset. A case takes one to fifteen minutes of a core.
 #
 #   tests/inverse.sh starts [MATERIALS [FIRST]]
 #
@@ -26,8 +26,8 @@ case "${1:-}" in
     export BRDFARM_MATERIALS="${2:-10}" BRDFARM_COPIES="${3:-200}" BRDFARM_FIRST="${4:-0}"
     ;;
   derivatives)
-    export BRDFARM_CASES="${2:-62}" BRDFARM_SIDE="${3:-16}"
-    export BRDFARM_ACCURACY="${4:-1e-4}" BRDFARM_TIGHT_ACCURACY="${5:-1e-5}"
+    export BRDFARM_CASES="${2:-62}" BRDFARM_SIDE="${3:-8}"
+    export BRDFARM_ACCURACY="${4:-1e-5}" BRDFARM_TIGHT_ACCURACY="${5:-1e-5}"
     export BRDFARM_FIRST="${6:-0}"
     ;;
   starts)
