@@ -95,8 +95,6 @@ struct Found {
     beyond: u32,
     /// Off by half of the light and more.
     far: u32,
-    /// Off by more than twice the interval.
-    twice: u32,
 }
 
 /// Traces [`DRAWS`] scenes of a class in which the camera sees a highlight that has no outline, by 64 paths a pixel.
@@ -131,7 +129,6 @@ fn traced(drawn: fn(&mut Random) -> (Specification, Material)) -> Found {
             let off = (pixel.value[0] - right).abs() - error;
             found.pixels += 1;
             found.beyond += u32::from(off > pixel.error);
-            found.twice += u32::from(off > 2.0 * pixel.error);
             found.far += u32::from(off > 0.5 * right);
         }
     }
