@@ -5,16 +5,28 @@
 //! sees most of the sample may hold all of this in a thousandth of its area. So the pixel is cut into cells, smaller
 //! ones where brightness changes.
 
+use super::Tracer;
 use super::footprint::{Area, Outline};
+use crate::scene::{Encounter, Thing};
+use crate::vector::Vec3;
+use std::f64::consts::PI;
 
 /// How many times as bright as a pixel is on average some place has to be for the pixel to be cut. Chosen.
 const UNEVEN: f64 = 4.0;
+
+/// Where a pixel is no brighter than this, in units of white, where it should be brightest, it is not cut. A hundredth of
+/// the smallest tolerance.
+const DARK: f64 = 1e-9;
 
 /// The most that cells are cut, each into four. Chosen.
 const CUTS_MAX: usize = 48;
 
 /// Nothing more is cut where what brightness may differ by within cells is such a share of all light. Chosen.
 const EVEN: f64 = 0.25;
+
+/// By how much the bulb is taken to be larger than it is, so that cells on the rim of its image are seen to hold
+/// some of it. Chosen.
+const LARGER: f64 = 1.3;
 
 /// Where of the unit square an area is looked at.
 const PLACES: [[f64; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
@@ -89,8 +101,8 @@ impl<F: Fn([f64; 2]) -> f64> Cutter<'_, F> {
     }
 }
 
-/// The cells of `area`, the part of a pixel within `outline`, and how bright they are, but for a factor; `None` where
-/// all of it is about as bright. `brightness` tells it of a place on the film; about `toward` there is much.
+/// The cells of `area`, the part of a pixel within `outline`, and how bright they are, in units of white; `None` where
+/// all of it is about as bright, or dark. `brightness` tells it of a place on the film; about `toward` there is much.
 pub fn of(
     outline: &Outline,
     area: &Area,
@@ -107,7 +119,8 @@ pub fn of(
     let most = cells
         .iter()
         .fold(0.0, |most: f64, cell| most.max(cell.most));
-    if most * area.size() <= UNEVEN * light(&cells) {
+    let is_even = most * area.size() <= UNEVEN * light(&cells);
+    if is_even || (toward.is_some() && most <= DARK) {
         return None;
     }
     for _ in 0..CUTS_MAX {
@@ -126,4 +139,30 @@ pub fn of(
         (cell.area, bright)
     });
     Some(parts.collect())
+}
+
+impl Tracer<'_> {
+    /// How bright the sample is at a place of the film, were all of the bulb where the lobe turns most of it to the
+    /// camera and hidden nowhere: in the brightest channel, in units of white.
+    pub(super) fn brightness(&self, [column, row]: [f64; 2]) -> f64 {
+        let ray = self.scene.camera.ray(column, row);
+        let Some(Encounter::Surface(surface)) = self.scene.encounter(&ray, None) else {
+            return 0.0;
+        };
+        if surface.thing != Thing::Sample {
+            return 0.0;
+        }
+        let bulb = &self.scene.bulb;
+        let to_bulb = surface.frame.to_local(bulb.centre - surface.position);
+        let wo = surface.frame.to_local(-ray.direction);
+        // The place of a somewhat larger bulb that is nearest to the ray that a mirror would turn to the camera.
+        let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
+        let off = mirrored * mirrored.dot(to_bulb).max(0.0) - to_bulb;
+        let nearest = to_bulb + off * (LARGER * bulb.radius / off.length()).min(1.0);
+        let wi = nearest.normalized();
+        let channels = self.reflectance.evaluate(wi, wo);
+        let value = channels.into_iter().fold(0.0, f64::max) * wi.z.max(0.0);
+        let solid_angle = PI * bulb.radius * bulb.radius / to_bulb.length_squared();
+        bulb.radiance * solid_angle * value
+    }
 }

@@ -2,6 +2,7 @@
 
 use super::glint::Window;
 use super::hidden_chart;
+use super::lit::Lit;
 use super::reach::Unmet;
 use super::visible_part::VisiblePart;
 use crate::bsdf::Bsdf;
@@ -14,6 +15,9 @@ use crate::warp::Cone;
 /// is left and a path that meets nothing costs little.
 const AIMED: f64 = 0.5;
 const AIMED_LATER: f64 = 0.25;
+
+/// The share of aimed paths that go to where the bulb lights the other surface, if it does so unevenly.
+const LIT: f64 = 0.5;
 
 /// How far below the horizon a corner is taken to be on it, as a share of the rectangle's sides: a point
 /// of the sample's plane is off it by the rounding of its distance from the camera.
@@ -28,6 +32,8 @@ pub struct Continuation<'a> {
     /// The share of paths that are aimed at the other surface. The others follow the surface's own
     /// density.
     aimed: f64,
+    /// What the bulb lights unevenly, of a surface that paths are aimed at.
+    lit: Option<&'a Lit>,
     /// The viewer, in the frame of the surface.
     wo: Vec3,
     /// What the surface faces.
@@ -46,11 +52,13 @@ enum Aim<'a> {
 
 impl<'a> Continuation<'a> {
     /// From a surface that is seen from `wo`, in its frame, after `bounce` others. `None` where
-    /// nothing of the other surface's front is above the horizon of this one.
+    /// nothing of the other surface's front is above the horizon of this one. `lit` tells whether the bulb lights the
+    /// rectangle that it faces unevenly.
     pub fn new(
         surface: &'a Surface,
         bsdf: &'a Bsdf<'a>,
         facing: Facing<'a>,
+        lit: Option<&'a Lit>,
         wo: Vec3,
         bounce: u32,
     ) -> Option<Self> {
@@ -90,6 +98,7 @@ impl<'a> Continuation<'a> {
         Some(Self {
             surface,
             bsdf,
+            lit: lit.filter(|_| matches!(target, Some(Aim::Area(..) | Aim::Window(_)))),
             target,
             aimed,
             wo,
@@ -121,7 +130,7 @@ impl<'a> Continuation<'a> {
         };
         let share = hidden_chart::share_max(self.surface, reflectance, chart, part, self.wo);
         let weight = match &self.target {
-            Some(Aim::Area(..)) => of_all.min(share / self.aimed),
+            Some(Aim::Area(..)) => of_all.min(share / (self.aimed * (1.0 - self.share_of_lit()))),
             _ => of_all,
         };
         Unmet { share, weight }
@@ -157,8 +166,27 @@ impl<'a> Continuation<'a> {
         Some((wi, value.map(|channel| channel * scale)))
     }
 
+    /// The share of aimed paths that go to where the bulb lights what they are aimed at.
+    fn share_of_lit(&self) -> f64 {
+        if self.lit.is_some() { LIT } else { 0.0 }
+    }
+
     /// A direction aimed at the other surface, and its density.
     fn aim(&self, [x, y]: [f64; 2]) -> (Vec3, f64) {
+        let Some(lit) = self.lit else {
+            return self.aim_at_all([x, y]);
+        };
+        let wi = if x < LIT {
+            let to = lit.point([x / LIT, y]) - self.surface.position;
+            self.surface.frame.to_local(to.normalized())
+        } else {
+            self.aim_at_all([(x - LIT) / (1.0 - LIT), y]).0
+        };
+        (wi, self.aimed_density(wi))
+    }
+
+    /// The same, without regard to the bulb.
+    fn aim_at_all(&self, [x, y]: [f64; 2]) -> (Vec3, f64) {
         let to = match &self.target {
             None => return (Vec3::default(), 0.0),
             Some(Aim::Window(window)) => {
@@ -172,10 +200,18 @@ impl<'a> Continuation<'a> {
             Some(Aim::Cone(cone)) => cone.sample([x, y]),
         };
         let wi = self.surface.frame.to_local(to);
-        (wi, self.aimed_density(wi))
+        (wi, self.density_at_all(wi))
     }
 
     fn aimed_density(&self, wi: Vec3) -> f64 {
+        let at_all = self.density_at_all(wi);
+        self.lit.map_or(at_all, |lit| {
+            let direction = self.surface.frame.to_world(wi);
+            LIT * lit.density(self.surface.position, direction) + (1.0 - LIT) * at_all
+        })
+    }
+
+    fn density_at_all(&self, wi: Vec3) -> f64 {
         let direction = || self.surface.frame.to_world(wi);
         match &self.target {
             Some(Aim::Window(window)) => window.density(wi),
@@ -263,6 +299,7 @@ mod tests {
             bumpiness in 0.0..2.0f64,
             (roughness, anisotropy, angle_deg) in (0.0..100.0f64, 0.0..1.0f64, 0.0..180.0f64),
             (view, side_m) in (0usize..14, 0.02..0.3f64),
+            light_m in 0.01..1.0f64,
             (pitch_m, tilt_deg, gap_m) in (0.005..0.3f64, 0.0..90.0f64, 0.001..0.3f64),
             (x, y) in (0.0..8.0f64, 0.0..8.0f64),
             points in prop::collection::vec(prop::array::uniform2(1e-6..1.0f64), 200),
@@ -273,6 +310,7 @@ mod tests {
             specification.sample.side_m = side_m;
             specification.sample.mesh = Some(plate(2, &heights, false, 2));
             specification.views[view].checker = true;
+            (specification.light.distance_m, specification.light.radius_m) = (light_m, 0.05 * light_m);
             specification.checker.pitch_m = pitch_m;
             specification.checker.tilt_deg = tilt_deg;
             specification.checker.lower_edge_y_m = 0.5 * side_m + gap_m;
@@ -298,9 +336,11 @@ mod tests {
             let bsdf = Bsdf::Material(&reflectance);
             let wo = surface.frame.to_local(-ray.direction);
             let facing = scene.facing(surface.thing).expect("a mesh faces itself");
-            let continuation = Continuation::new(&surface, &bsdf, facing, wo, 0).expect("a mesh");
-            let unmet = continuation.unmet();
             let chart = scene.chart_rectangle().expect("a chart");
+            let lit = Lit::new(chart, &scene.bulb);
+            let continuation = Continuation::new(&surface, &bsdf, facing, lit.as_ref(), wo, 0);
+            let continuation = continuation.expect("a mesh");
+            let unmet = continuation.unmet();
             let heights = chart.corners().map(|corner| {
                 surface.frame.to_local(corner - surface.position).z
             });

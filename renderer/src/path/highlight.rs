@@ -89,15 +89,17 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
         to_bulb,
         radius: bulb.radius,
     };
-    let is_linear = |&(at, slopes): &([f64; 2], [f64; 2])| streak.off(at, slopes, reach) < LINEAR;
-    let is_flat = curvature == [0.0; 2];
-    if is_flat && reach[1] > STREAK * reach[0] && !corners.iter().all(is_linear) {
-        return BulbShows::Within(streak.outlines(camera, to_world));
-    }
-    if is_flat && (is_beside(&scene.sample, position) || !corners.iter().all(is_linear)) {
-        return BulbShows::Unoutlined {
-            mirror_image: camera.project(position),
-        };
+    let bends = |&(at, slopes): &([f64; 2], [f64; 2])| streak.off(at, slopes, reach) >= LINEAR;
+    if curvature == [0.0; 2] {
+        let bends = corners.iter().any(bends);
+        if bends && reach[1] > STREAK * reach[0] {
+            return BulbShows::Within(streak.outlines(camera, to_world));
+        }
+        if bends || is_beside(&scene.sample, position) {
+            return BulbShows::Unoutlined {
+                mirror_image: camera.project(position),
+            };
+        }
     }
     let corners: Vec<Vec3> = corners.iter().map(|&(at, _)| to_world(at)).collect();
     BulbShows::Within(vec![(Outline::of_polygon(camera, &corners), 1.0)])

@@ -25,6 +25,7 @@ mod grazing;
 mod hidden_chart;
 mod highlight;
 mod interval;
+mod lit;
 mod reach;
 mod streak;
 mod trace;
@@ -47,6 +48,7 @@ use dataset::Specification;
 use facets::Facets;
 use footprint::{Area, Outline};
 use highlight::BulbShows;
+use lit::Lit;
 use reach::Reach;
 use trace::Picture;
 use worked_out::WorkedOut;
@@ -108,6 +110,8 @@ pub struct Tracer<'a> {
     inside_bulb: Outline,
     /// Where the bulb shows in the sample.
     highlight: BulbShows,
+    /// The chart, and a flat sample, if the bulb lights them unevenly.
+    lit: [Option<Lit>; 2],
     /// What each pixel may see of a mesh, where the sample is one.
     facets: Option<Facets>,
     /// At most the radiance of the chart by the bulb's light.
@@ -220,10 +224,6 @@ impl Part {
     }
 }
 
-/// By how much the bulb is taken to be larger than it is, so that cells on the rim of its image are seen to hold
-/// some of it. Chosen.
-const LARGER: f64 = 1.3;
-
 /// The share of a pixel's part below which the bulb's highlight gets paths of its own.
 const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
 
@@ -252,6 +252,12 @@ impl<'a> Tracer<'a> {
             let ratio = radius / distance;
             radiance * ratio * ratio * patches.fold(0.0, |max, &patch| patch.max(max))
         });
+        let sample = match &scene.sample {
+            SampleSurface::Smooth(SmoothSurface::Square(square)) => Some(square),
+            _ => None,
+        };
+        let lit = [scene.chart_rectangle(), sample]
+            .map(|rectangle| rectangle.and_then(|rectangle| Lit::new(rectangle, &scene.bulb)));
         Self {
             scene,
             reflectance,
@@ -259,6 +265,7 @@ impl<'a> Tracer<'a> {
             outlines,
             inside_bulb,
             highlight,
+            lit,
             facets: Facets::new(scene, reflectance),
             chart_max,
             worked_out: None,
@@ -306,28 +313,6 @@ impl<'a> Tracer<'a> {
         Footprint {
             parts: self.outlines.iter().filter_map(part).collect(),
         }
-    }
-
-    /// How bright the sample is at a place of the film, were all of the bulb where the lobe turns most of it to the
-    /// camera and hidden nowhere: in the brightest channel, but for a factor.
-    fn brightness(&self, [column, row]: [f64; 2]) -> f64 {
-        let ray = self.scene.camera.ray(column, row);
-        let Some(Encounter::Surface(surface)) = self.scene.encounter(&ray, None) else {
-            return 0.0;
-        };
-        if surface.thing != Thing::Sample {
-            return 0.0;
-        }
-        let bulb = &self.scene.bulb;
-        let to_bulb = surface.frame.to_local(bulb.centre - surface.position);
-        let wo = surface.frame.to_local(-ray.direction);
-        // The place of a somewhat larger bulb that is nearest to the ray that a mirror would turn to the camera.
-        let mirrored = Vec3::new(-wo.x, -wo.y, wo.z);
-        let off = mirrored * mirrored.dot(to_bulb).max(0.0) - to_bulb;
-        let nearest = to_bulb + off * (LARGER * bulb.radius / off.length()).min(1.0);
-        let wi = nearest.normalized();
-        let channels = self.reflectance.evaluate(wi, wo);
-        channels.into_iter().fold(0.0, f64::max) * wi.z.max(0.0) / to_bulb.length_squared()
     }
 
     /// At most what a pixel is off by because no path met the gap about the bulb.
@@ -405,7 +390,13 @@ impl<'a> Tracer<'a> {
                 break;
             }
             let point = sampler.point(Dimension::Scatter(bounce), index);
-            let Some(continuation) = Continuation::new(&surface, &bsdf, facing, wo, bounce) else {
+            let [chart, sample] = &self.lit;
+            let lit = match surface.thing {
+                Thing::Sample => chart.as_ref(),
+                _ => sample.as_ref(),
+            };
+            let continuation = Continuation::new(&surface, &bsdf, facing, lit, wo, bounce);
+            let Some(continuation) = continuation else {
                 break;
             };
             if bounce == 0 {
