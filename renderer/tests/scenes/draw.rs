@@ -3,7 +3,7 @@
 use crate::case::Case;
 use dataset::{
     Material, Specification,
-    specification::{Pixel, Tint, View},
+    specification::{IntegratorKind, Pixel, Shape, Tint, View},
 };
 use rand_chacha::{
     ChaCha8Rng,
@@ -23,17 +23,19 @@ const TIGHT_SIDE_MAX: u32 = 12;
 /// The largest film, in pixels.
 const PIXELS_MAX: u32 = 1 << 16;
 
+/// Films of traced draws are small: a pixel that sees much is one in which paths miss something.
+const TRACED_SIDE_MAX: u32 = 12;
+
+/// The share of traced draws whose sample is a sphere or a cylinder, and of these the share that paths alone render,
+/// without what the default integrator works out.
+const CURVED_SHARE: f64 = 0.3;
+const CURVED_PATH_SHARE: f64 = 0.5;
+
 /// Draw number `index` of the search that `seed` names.
 pub fn draw(seed: u64, index: u64) -> Case {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(index);
-    let mut random = Random(random);
+    let mut random = Random::of_draw(seed, index);
     loop {
-        let specification = if random.chance(NEAR_SHARE) {
-            near(&mut random)
-        } else {
-            far(&mut random)
-        };
+        let specification = near_or_far(&mut random);
         let material = material(&mut random);
         let Ok(case) = Case::admitted(&specification, material) else {
             continue;
@@ -44,10 +46,46 @@ pub fn draw(seed: u64, index: u64) -> Case {
     }
 }
 
+/// Draw number `index` of the search of the path tracer that `seed` names.
+pub fn draw_traced(seed: u64, index: u64) -> Case {
+    let mut random = Random::of_draw(seed, index);
+    loop {
+        let mut specification = near_or_far(&mut random);
+        let (image, integrator) = (&mut specification.image, &mut specification.integrator);
+        image.width = image.width.min(TRACED_SIDE_MAX);
+        image.height = image.height.min(TRACED_SIDE_MAX);
+        integrator.samples_per_pixel = random.one_of(&[16, 64, 256, 1024]);
+        integrator.kind = IntegratorKind::Path;
+        if random.chance(CURVED_SHARE) {
+            specification.sample.shape = random.one_of(&[Shape::Sphere, Shape::Cylinder]);
+            if !random.chance(CURVED_PATH_SHARE) {
+                specification.integrator.kind = IntegratorKind::Hybrid;
+            }
+        }
+        if let Ok(case) = Case::admitted(&specification, material(&mut random)) {
+            return case;
+        }
+    }
+}
+
+fn near_or_far(random: &mut Random) -> Specification {
+    if random.chance(NEAR_SHARE) {
+        near(random)
+    } else {
+        far(random)
+    }
+}
+
 /// Numbers drawn at random.
 pub struct Random(ChaCha8Rng);
 
 impl Random {
+    fn of_draw(seed: u64, index: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        random.set_stream(index);
+        Self(random)
+    }
+
     /// The draws of one variation of a case.
     pub fn of_variation(seed: u64) -> Self {
         Self(ChaCha8Rng::seed_from_u64(seed))

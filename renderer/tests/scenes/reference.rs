@@ -10,9 +10,11 @@
 //! 2. a film point, then a direction drawn from the reflectance;
 //! 3. a point of the bulb and a half vector of the lobe, then the film point that sees that bulb
 //!    point by that half vector, found by Newton's method. It finds the bulb's image however small.
+//!
+//! On a sphere or a cylinder plain paths are the whole estimate: it says little of narrow lobes.
 
 use crate::plain_path;
-use dataset::Specification;
+use dataset::{Specification, specification::Shape};
 use renderer::{
     geometry::{BackendChoice, Ray},
     reflectance::Reflectance,
@@ -32,6 +34,7 @@ pub type Estimate = [(f64, f64); 3];
 pub struct Reference {
     pub scene: Scene,
     reflectance: Reflectance,
+    is_flat: bool,
     sample_half: f64,
     bounces_max: u32,
 }
@@ -75,6 +78,7 @@ impl Reference {
         Self {
             scene,
             reflectance,
+            is_flat: specification.sample.shape == Shape::Square,
             sample_half: 0.5 * specification.sample.side_m,
             bounces_max: specification.integrator.max_bounces,
         }
@@ -119,14 +123,15 @@ impl Reference {
         LOG_MILLION * self.scene.bulb.radiance / (f64::from(samples) * f64::from(REPLICATES))
     }
 
-    /// Everything but the bulb's light that touches the sample alone, along one path.
+    /// Everything but the bulb's light that touches a flat sample alone, along one path.
     fn scattered(&self, [column, row]: [f64; 2], scramble: &Scramble, index: u32) -> [f64; 3] {
         let [x, y] = scramble.film(index);
         let ray = self.scene.camera.ray(column + x, row + y);
-        let on_sample = matches!(
-            self.scene.encounter(&ray, None),
-            Some(Encounter::Surface(surface)) if surface.patch.is_none()
-        );
+        let on_flat_sample = self.is_flat
+            && matches!(
+                self.scene.encounter(&ray, None),
+                Some(Encounter::Surface(surface)) if surface.patch.is_none()
+            );
         let trace = |bounces_max| {
             plain_path::radiance(
                 &self.scene,
@@ -137,7 +142,7 @@ impl Reference {
                 bounces_max,
             )
         };
-        if !on_sample {
+        if !on_flat_sample {
             return trace(self.bounces_max);
         }
         if self.bounces_max == 1 {
@@ -148,9 +153,12 @@ impl Reference {
         std::array::from_fn(|channel| all[channel] - first[channel])
     }
 
-    /// The bulb's light off the sample, by one sample of each of the three ways.
+    /// The bulb's light off a flat sample, by one sample of each of the three ways.
     fn bulb_off_sample(&self, pixel: [f64; 2], scramble: &Scramble, index: u32) -> [f64; 3] {
         let mut sum = [0.0; 3];
+        if !self.is_flat {
+            return sum;
+        }
         let sampler = &scramble.sampler;
         let [x, y] = scramble.film(index);
         if let Some(seen) = self.see([pixel[0] + x, pixel[1] + y]) {

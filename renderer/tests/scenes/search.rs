@@ -1,7 +1,6 @@
 //! Draws one case after another, in as many threads as rayon would take.
 
 use crate::case::Case;
-use crate::draw::draw;
 use crate::examine::{Effort, Finding, Kind, Outcome, examine, seconds};
 use rustix::time::ClockId;
 use std::collections::BTreeMap;
@@ -78,14 +77,17 @@ fn process_seconds() -> f64 {
     seconds(ClockId::ProcessCPUTime)
 }
 
+/// Draws a case by seed and index.
+pub type Draw = fn(u64, u64) -> Case;
+
 /// Examines draws `first` to `first + count - 1`, and prints what failed.
-pub fn search(seed: u64, first: u64, count: u64, effort: Effort) -> Summary {
+pub fn search(draw: Draw, seed: u64, [first, count]: [u64; 2], effort: Effort) -> Summary {
     let next = AtomicU64::new(first);
     let summary = Mutex::new(Summary::default());
     let underway = Underway::default();
     let done = AtomicBool::new(false);
     thread::scope(|scope| {
-        scope.spawn(|| watch(seed, &underway, &done, &summary));
+        scope.spawn(|| watch(draw, seed, &underway, &done, &summary));
         let workers: Vec<_> = (0..rayon::current_num_threads())
             .map(|_| {
                 scope.spawn(|| {
@@ -151,7 +153,7 @@ fn report(index: u64, case: &Case, outcome: &Outcome) {
 }
 
 /// Ends the process when a case takes too long: no thread can be stopped.
-fn watch(seed: u64, underway: &Underway, done: &AtomicBool, summary: &Mutex<Summary>) {
+fn watch(draw: Draw, seed: u64, underway: &Underway, done: &AtomicBool, summary: &Mutex<Summary>) {
     // The other threads' draws take processor time, too.
     let patience = PATIENCE_SECONDS * rayon::current_num_threads() as f64;
     while !done.load(Ordering::Relaxed) {
