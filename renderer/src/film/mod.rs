@@ -4,6 +4,7 @@ pub(crate) mod canvas;
 pub(crate) mod demand;
 pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
+pub(crate) mod outline;
 mod pixel;
 mod refine;
 pub(crate) mod region;

@@ -2,14 +2,18 @@
 
 use super::canvas::Canvas;
 use super::demand::FunctionError;
+use super::outline::Outline;
 use super::tile_nodes::TERMS;
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::polygon::{Polygon, Rectangle};
+use std::ops::Range;
 
 /// A part of the outline that multiplies the function.
-pub struct Region {
+pub struct Region<'a> {
     /// Where.
     pub outline: Polygon,
+    /// The same pixel by pixel, where that is at hand.
+    pub by_pixel: Option<&'a Outline>,
     /// By what, a channel.
     pub factor: [f64; 3],
 }
@@ -21,27 +25,90 @@ pub fn add_tile(
     tile: &Tile<TERMS>,
     error: f64,
     function_error: impl Fn(&Rectangle) -> FunctionError,
-    regions: &[Region],
+    regions: &[Region<'_>],
 ) {
     let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
     let integrals = tile.cell_integrals(&columns, &rows);
     let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
+    let mut on_whole = Vec::new();
     for region in regions {
         let Some(shared) = region.outline.bounds().intersection(&tile.rectangle) else {
             continue;
         };
-        for (column, row) in shared.pixels() {
-            let Some(cell) = Rectangle::pixel(column, row).intersection(&tile.rectangle) else {
-                continue;
-            };
-            let (value, area) = if region.outline.contains(&cell) {
-                let at = [column - first_column, row - first_row].map(|index| index as usize);
-                (integrals.at(at[0], at[1]), cell.area())
-            } else {
-                tile.integral_over(&region.outline.clipped(&cell))
-            };
-            let error = error * area + function_error(&cell).over(area, value);
-            add_region(canvas, &cell, region, value, error);
+        let [columns, rows] = shared.pixel_ranges();
+        for row in rows {
+            let whole = region.whole_cells(tile, &columns, row);
+            let indices = [whole.start, whole.end].map(|column| (column - first_column) as usize);
+            let of_row = (row - first_row) as usize;
+            integrals.in_row(of_row, indices[0]..indices[1], &mut on_whole);
+            for (column, &value) in whole.clone().zip(&on_whole) {
+                let cell = cell(tile, column, row);
+                let error = error * cell.area() + function_error(&cell).over(cell.area(), value);
+                add_region(canvas, &cell, region, value, error);
+            }
+            for column in (columns.start..whole.start).chain(whole.end..columns.end) {
+                let cell = cell(tile, column, row);
+                if let Some((value, area)) = region.integral_of_part(tile, &cell, (column, row)) {
+                    let error = error * area + function_error(&cell).over(area, value);
+                    add_region(canvas, &cell, region, value, error);
+                }
+            }
+        }
+    }
+}
+
+/// The part of a pixel that a tile has, which has one.
+fn cell(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
+    let Rectangle { low, high } = tile.rectangle;
+    let pixel = Rectangle::pixel(column, row);
+    Rectangle {
+        low: [0, 1].map(|axis| pixel.low[axis].max(low[axis])),
+        high: [0, 1].map(|axis| pixel.high[axis].min(high[axis])),
+    }
+}
+
+impl Region<'_> {
+    /// The columns of a row in which a tile's part of the pixel lies inside; of those that may, all between the
+    /// outermost do.
+    fn whole_cells(&self, tile: &Tile<TERMS>, columns: &Range<u32>, row: u32) -> Range<u32> {
+        let is_whole = |column| self.outline.contains(&cell(tile, column, row));
+        let inside = self.by_pixel.map_or(0..0, |by_pixel| by_pixel.inside(row));
+        let known = inside.start.max(columns.start)..inside.end.min(columns.end);
+        if known.is_empty() {
+            let Range { mut start, mut end } = columns.clone();
+            while start < end && !is_whole(start) {
+                start += 1;
+            }
+            while start < end && !is_whole(end - 1) {
+                end -= 1;
+            }
+            return start..end;
+        }
+        let Range { mut start, mut end } = known;
+        while columns.start < start && is_whole(start - 1) {
+            start -= 1;
+        }
+        while end < columns.end && is_whole(end) {
+            end += 1;
+        }
+        start..end
+    }
+
+    /// The integral of a tile over what the region has of its part of a pixel, and how much that is; `None` where it
+    /// has nothing.
+    fn integral_of_part(
+        &self,
+        tile: &Tile<TERMS>,
+        cell: &Rectangle,
+        pixel: (u32, u32),
+    ) -> Option<([f64; 3], f64)> {
+        let is_pixel = *cell == Rectangle::pixel(pixel.0, pixel.1);
+        match self.by_pixel {
+            Some(by_pixel) if is_pixel => {
+                let cut = by_pixel.cut_pixel(pixel)?;
+                Some(tile.integral_over(&cut.part))
+            }
+            _ => Some(tile.integral_over(&self.outline.clipped(cell))),
         }
     }
 }
@@ -50,7 +117,7 @@ pub fn add_tile(
 pub fn add_region(
     canvas: &mut Canvas<'_>,
     cell: &Rectangle,
-    region: &Region,
+    region: &Region<'_>,
     value: [f64; 3],
     error: f64,
 ) {

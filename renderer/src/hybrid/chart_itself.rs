@@ -19,7 +19,7 @@ pub fn add(
     chart: &ChartOnFilm,
     interreflection: &Interreflection,
 ) {
-    let regions: Vec<Region> = chart
+    let regions: Vec<Region<'_>> = chart
         .regions(&view.camera)
         .filter(|region| {
             region

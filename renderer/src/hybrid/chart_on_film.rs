@@ -1,5 +1,6 @@
 //! The colour chart's plane and its patches on the film.
 
+use crate::film::outline::Outline;
 use crate::film::region::Region;
 use crate::numerics::polygon::Polygon;
 use crate::scene::{Chart, ChartPlane, PinholeCamera};
@@ -11,33 +12,37 @@ pub struct ChartOnFilm {
     /// Its plane.
     pub plane: ChartPlane,
     /// Its outline on the film.
-    pub outline: Polygon,
+    pub outline: Outline,
     /// Reflectances of the patches, the far row first.
     pub patches: Vec<[f64; 3]>,
 }
 
 impl ChartOnFilm {
-    /// The chart; `None` where it reaches behind the camera.
-    pub fn new(chart: &Chart, camera: &PinholeCamera) -> Option<Self> {
+    /// The chart on a film of so many columns and rows; `None` where it reaches behind the camera.
+    pub fn new(chart: &Chart, camera: &PinholeCamera, size: [u32; 2]) -> Option<Self> {
         let plane = chart.plane();
         let [width, height] = plane.size();
         let corners = [[0.0, 0.0], [width, 0.0], [width, height], [0.0, height]];
         let outline = project(camera, corners.map(|[a, b]| plane.point(a, b)))?;
         Some(Self {
             plane,
-            outline,
+            outline: Outline::new(outline, size),
             patches: chart.patches().to_vec(),
         })
     }
 
     /// The patches on the film, each with its reflectance.
-    pub fn regions(&self, camera: &PinholeCamera) -> impl Iterator<Item = Region> {
+    pub fn regions(&self, camera: &PinholeCamera) -> impl Iterator<Item = Region<'static>> {
         self.patches
             .iter()
             .enumerate()
             .filter_map(|(index, &factor)| {
                 let outline = project(camera, self.corners(index))?;
-                Some(Region { outline, factor })
+                Some(Region {
+                    outline,
+                    by_pixel: None,
+                    factor,
+                })
             })
     }
 

@@ -52,7 +52,7 @@ impl PreparedView {
         let view = View::new(scene, specification)?;
         let chart = match &scene.chart {
             None => None,
-            Some(chart) => Some(ChartOnFilm::new(chart, &scene.camera)?),
+            Some(chart) => Some(ChartOnFilm::new(chart, &scene.camera, view.size)?),
         };
         if let Some(chart) = &chart
             && !stands_clear(&scene.bulb, view.sample_half, &chart.plane)

@@ -2,8 +2,8 @@
 
 use super::budget::{Budget, Limit};
 use super::chart_on_film::project;
+use crate::film::outline::Outline;
 use crate::numerics::instructions::Instructions;
-use crate::numerics::polygon::Polygon;
 use crate::scene::{Bulb, ChartPlane, PinholeCamera, Scene};
 use crate::vector::Vec3;
 use dataset::specification::Specification;
@@ -18,7 +18,7 @@ pub struct View {
     /// Half the sample's side in metres.
     pub sample_half: f64,
     /// The sample on the film.
-    pub sample: Polygon,
+    pub sample: Outline,
     /// The film's width and height in pixels.
     pub size: [u32; 2],
     /// The longest path's hits.
@@ -33,12 +33,13 @@ impl View {
     /// The view; `None` where the sample reaches behind the camera.
     pub fn new(scene: &Scene, specification: &Specification) -> Option<Self> {
         let half = 0.5 * specification.sample.side_m;
+        let size = [specification.image.width, specification.image.height];
         Some(Self {
             camera: scene.camera,
             bulb: scene.bulb,
             sample_half: half,
-            sample: sample_outline(&scene.camera, half)?,
-            size: [specification.image.width, specification.image.height],
+            sample: sample_outline(&scene.camera, half, size)?,
+            size,
             bounces_max: specification.integrator.max_bounces,
             budget: Budget::new(&specification.accuracy),
             instructions: Instructions::widest(),
@@ -49,10 +50,11 @@ impl View {
     /// reaches behind the camera.
     pub fn finer(&self, times: u32) -> Option<Self> {
         let camera = self.camera.finer(times);
+        let size = self.size.map(|side| side * times);
         Some(Self {
             camera,
-            sample: sample_outline(&camera, self.sample_half)?,
-            size: self.size.map(|side| side * times),
+            sample: sample_outline(&camera, self.sample_half, size)?,
+            size,
             ..self.clone()
         })
     }
@@ -94,7 +96,8 @@ impl View {
 }
 
 /// The sample on the film, `None` where it reaches behind the camera.
-fn sample_outline(camera: &PinholeCamera, half: f64) -> Option<Polygon> {
+fn sample_outline(camera: &PinholeCamera, half: f64, size: [u32; 2]) -> Option<Outline> {
     let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
-    project(camera, corners.map(|[x, y]| Vec3::new(x, y, 0.0)))
+    let polygon = project(camera, corners.map(|[x, y]| Vec3::new(x, y, 0.0)))?;
+    Some(Outline::new(polygon, size))
 }

@@ -1,8 +1,10 @@
 //! Products of Chebyshev series on rectangles.
 
+use super::batch::LANES;
 use super::channels::add_scaled;
 use super::polygon::{OF_DEGREE_3, Polygon, Rectangle};
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// The last terms along a side, by which what the series leaves out is judged.
 pub const TAIL: usize = 2;
@@ -190,16 +192,24 @@ impl<const TERMS: usize> Basis<TERMS> {
 pub struct CellIntegrals<const TERMS: usize> {
     /// For each row, the integral along it of the series of each polynomial along columns.
     rows: Vec<[[f64; 3]; TERMS]>,
-    /// For each column, the integrals along it of the polynomials.
-    columns: Vec<[f64; TERMS]>,
+    /// For each column, the integrals along it of the polynomials: columns in blocks, the last filled up with zeros.
+    columns: Vec<[[f64; LANES]; TERMS]>,
     scale: f64,
 }
 
 impl<const TERMS: usize> CellIntegrals<TERMS> {
-    /// The integral over the cell in a column and row of the grid: [`Tile::integral`], to the bit.
-    pub fn at(&self, column: usize, row: usize) -> [f64; 3] {
-        let sum = contract_line(&self.rows[row], &self.columns[column]);
-        sum.map(|value| self.scale * value)
+    /// The integrals over the cells in some columns of a row of the grid: [`Tile::integral`], to the bit.
+    pub fn in_row(&self, row: usize, columns: Range<usize>, values: &mut Vec<[f64; 3]>) {
+        values.clear();
+        let blocks = columns.start / LANES..columns.end.div_ceil(LANES);
+        for block in blocks.clone() {
+            let sums = contract_block(&self.rows[row], &self.columns[block]);
+            for lane in 0..LANES {
+                values.push(sums.map(|channel| self.scale * channel[lane]));
+            }
+        }
+        values.truncate(columns.end - LANES * blocks.start);
+        values.drain(..(columns.start - LANES * blocks.start).min(values.len()));
     }
 }
 
@@ -219,9 +229,15 @@ impl<const TERMS: usize> Tile<TERMS> {
                 .collect()
         };
         let rows = along(1, rows);
+        let columns = along(0, columns);
+        let in_block = |columns: &[[f64; TERMS]]| {
+            std::array::from_fn(|term| {
+                std::array::from_fn(|lane| columns.get(lane).map_or(0.0, |column| column[term]))
+            })
+        };
         CellIntegrals {
             rows: rows.iter().map(|y| self.contract_rows(y)).collect(),
-            columns: along(0, columns),
+            columns: columns.chunks(LANES).map(in_block).collect(),
             scale: 0.25 * width * height,
         }
     }
@@ -330,6 +346,22 @@ impl<const TERMS: usize> Tile<TERMS> {
     }
 }
 
+/// [`contract_line`] for columns side by side.
+fn contract_block<const TERMS: usize>(
+    line: &[[f64; 3]; TERMS],
+    columns: &[[f64; LANES]; TERMS],
+) -> [[f64; LANES]; 3] {
+    let mut sums = [[0.0; LANES]; 3];
+    for (coefficient, columns) in line.iter().zip(columns) {
+        for (sum, coefficient) in sums.iter_mut().zip(coefficient) {
+            for (sum, x) in sum.iter_mut().zip(columns) {
+                *sum += coefficient * x;
+            }
+        }
+    }
+    sums
+}
+
 fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS]) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (coefficient, x) in line.iter().zip(x) {
@@ -406,6 +438,34 @@ fn antiderivatives<const TERMS: usize>(x: f64) -> [f64; TERMS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Over cells in any columns, beginning and ending anywhere in the blocks that are worked out together.
+    #[test]
+    fn integrals_in_rows_are_those_of_cells() {
+        let rectangle = Rectangle {
+            low: [2.25, 5.5],
+            high: [24.75, 8.125],
+        };
+        let values = (0..64).map(|i| [libm::exp(f64::from(i) / 9.0), f64::from(i), -1.0]);
+        let (tile, _) = Basis::<8>::new().fit(rectangle, values);
+        let [columns, rows] = [0, 1].map(|axis| rectangle.pixel_edges(axis));
+        let integrals = tile.cell_integrals(&columns, &rows);
+        let mut found = Vec::new();
+        for row in 0..rows.len() - 1 {
+            for (start, end) in [(0, 23), (0, 0), (3, 7), (7, 9), (8, 16), (15, 23), (16, 16)] {
+                integrals.in_row(row, start..end, &mut found);
+                let expected: Vec<[f64; 3]> = (start..end)
+                    .map(|column| {
+                        tile.integral(&Rectangle {
+                            low: [columns[column], rows[row]],
+                            high: [columns[column + 1], rows[row + 1]],
+                        })
+                    })
+                    .collect();
+                assert_eq!(found, expected, "{start}..{end} of row {row}");
+            }
+        }
+    }
 
     #[test]
     fn antiderivatives_are_those_of_the_polynomials() {

@@ -248,8 +248,8 @@ impl Polygon {
         let mut polygon = *self;
         for axis in 0..2 {
             let (low, high) = (cell.low[axis], cell.high[axis]);
-            polygon = polygon.cut(|point| point[axis] - low);
-            polygon = polygon.cut(|point| high - point[axis]);
+            polygon.keep(|point| point[axis] - low);
+            polygon.keep(|point| high - point[axis]);
             // Cuts lie on the rectangle's sides but for rounding.
             for corner in &mut polygon.corners[..polygon.count] {
                 corner[axis] = corner[axis].clamp(low, high);
@@ -258,34 +258,38 @@ impl Polygon {
         polygon
     }
 
-    /// The part on which a linear function is not negative (Sutherland and Hodgman).
+    /// The part on which a linear function is not negative.
+    #[cfg(test)]
     pub fn cut(&self, function: impl Fn([f64; 2]) -> f64) -> Self {
-        let mut heights = [0.0; CORNERS_MAX];
+        let mut part = *self;
+        part.keep(function);
+        part
+    }
+
+    /// Keeps the part on which a linear function is not negative (Sutherland and Hodgman).
+    fn keep(&mut self, function: impl Fn([f64; 2]) -> f64) {
+        let (mut heights, mut all) = ([0.0; CORNERS_MAX], true);
         for (height, corner) in heights.iter_mut().zip(self.corners()) {
             *height = function(*corner);
+            all &= *height >= 0.0;
         }
-        let heights = &heights[..self.count];
-        if heights.iter().all(|&height| height >= 0.0) {
-            return *self;
+        if all {
+            return;
         }
-        let mut part = Self {
-            corners: [[0.0; 2]; CORNERS_MAX],
-            count: 0,
-        };
-        for (i, (a, b)) in self.edges().enumerate() {
-            let (da, db) = (
-                heights[i],
-                heights[if i + 1 < self.count { i + 1 } else { 0 }],
-            );
+        let whole = *self;
+        let heights = &heights[..whole.count];
+        self.count = 0;
+        for (i, (a, b)) in whole.edges().enumerate() {
+            let next = if i + 1 < heights.len() { i + 1 } else { 0 };
+            let (da, db) = (heights[i], heights[next]);
             if da >= 0.0 {
-                part.push(a);
+                self.push(a);
             }
             if (da > 0.0 && db < 0.0) || (da < 0.0 && db > 0.0) {
                 let t = da / (da - db);
-                part.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+                self.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
             }
         }
-        part
     }
 
     fn push(&mut self, corner: [f64; 2]) {

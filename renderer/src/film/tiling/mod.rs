@@ -12,6 +12,7 @@ mod steps;
 
 use super::canvas::{Brightness, Canvas};
 use super::demand::Demand;
+use super::outline::Outline;
 use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, add_region, add_tile};
@@ -19,7 +20,7 @@ use super::target;
 use super::tile_nodes::{LINES, NodeValues, TERMS};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
-use crate::numerics::polygon::{Polygon, Rectangle};
+use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 use rules::Rule;
 use shade::Counted;
@@ -76,12 +77,12 @@ const ASPECT_MAX: f64 = 16.0;
 /// Returns how many evaluations it took.
 pub fn integrate<S: Shade>(
     canvas: &mut Canvas<'_>,
-    outline: &Polygon,
-    regions: &[Region],
+    outline: &Outline,
+    regions: &[Region<'_>],
     demand: &Demand<'_>,
     shade: &S,
 ) -> u64 {
-    let Some(bounds) = outline.bounds().intersection(&canvas.bounds()) else {
+    let Some(bounds) = outline.polygon().bounds().intersection(&canvas.bounds()) else {
         return 0;
     };
     let tiling = Tiling {
@@ -186,8 +187,8 @@ struct Candidate<'a> {
 struct Tiling<'a, S> {
     /// The film as it was.
     before: Brightness,
-    outline: &'a Polygon,
-    regions: &'a [Region],
+    outline: &'a Outline,
+    regions: &'a [Region<'a>],
     demand: &'a Demand<'a>,
     shade: &'a S,
     basis: Basis<TERMS>,
@@ -203,7 +204,7 @@ impl<S: Shade> Tiling<'_, S> {
         effort: Effort,
         scratch: &mut S::Scratch,
     ) -> (Growth, u64) {
-        if self.outline.clipped(rectangle).is_empty() {
+        if self.outline.polygon().clipped(rectangle).is_empty() {
             return (Growth::Nothing, 0);
         }
         let mut function = Counted {
@@ -418,7 +419,7 @@ impl<S: Shade> Tiling<'_, S> {
             points_max: affordable.min(POINTS_MAX),
             evaluations_max,
         };
-        let integral = |region: &Region| {
+        let integral = |region: &Region<'_>| {
             let covered = region.outline.clipped(rectangle);
             let (value, error) =
                 pixel::integrate(&covered, steep, allowed, &work, |column, row| {

@@ -197,7 +197,7 @@ impl<S: Shade> Tiling<'_, S> {
         if !self.shade.is_uneven() {
             return AtCorners::default();
         }
-        let covered = self.outline.clipped(rectangle);
+        let covered = self.outline.polygon().clipped(rectangle);
         let (mut missed, mut worst) = (0.0, None);
         // The most at either end along each axis.
         let mut ends = [[0.0f64; 2]; 2];

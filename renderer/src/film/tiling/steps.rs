@@ -141,7 +141,7 @@ impl<S: Shade> Tiling<'_, S> {
         function: &mut Counted<'_, S>,
     ) -> f64 {
         let shares = &self.demand.shares;
-        let factor = match self.outline.contains(rectangle) {
+        let factor = match self.outline.polygon().contains(rectangle) {
             true => shares.step,
             false => shares.step_at_outline,
         };

@@ -51,7 +51,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
             shares: LOG_TILING,
             instructions: view.instructions,
         };
-        return log_tiling::integrate(canvas, &view.sample, &demand, &shade);
+        return log_tiling::integrate(canvas, view.sample.polygon(), &demand, &shade);
     }
     let demand = Demand {
         accuracy: if is_sharp {
@@ -71,7 +71,8 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         shares: TILING,
     };
     let regions = [Region {
-        outline: view.sample,
+        outline: *view.sample.polygon(),
+        by_pixel: Some(&view.sample),
         factor: [1.0; 3],
     }];
     tiling::integrate(canvas, &view.sample, &regions, &demand, &shade)

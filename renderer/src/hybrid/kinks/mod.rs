@@ -5,6 +5,7 @@ mod edges;
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
 use crate::film::demand::Demand;
+use crate::film::outline::Outline;
 use crate::film::region::Region;
 use crate::film::tiling::{Shade, integrate};
 use crate::film::{FilmPixel, target};
@@ -315,8 +316,10 @@ impl Tally {
             height: side,
             pixels: &mut pixels,
         };
+        let by_pixel = Outline::new(outline, [side, side]);
         let region = Region {
             outline,
+            by_pixel: Some(&by_pixel),
             factor: [1.0; 3],
         };
         let demand = Demand {
@@ -328,7 +331,7 @@ impl Tally {
             tolerance: Tolerance::new(FIRST_RULE),
             shares: TILING,
         };
-        integrate(&mut canvas, &outline, &[region], &demand, function);
+        integrate(&mut canvas, &by_pixel, &[region], &demand, function);
         for (column, row) in outline.bounds().pixels() {
             let pixel = &pixels[(row * side + column) as usize];
             let part = outline.clipped(&Rectangle::pixel(column, row));

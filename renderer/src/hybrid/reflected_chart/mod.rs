@@ -194,9 +194,10 @@ fn longest(view: &View) -> f64 {
 }
 
 /// All of the sample.
-fn whole(view: &View) -> Region {
+fn whole(view: &View) -> Region<'_> {
     Region {
-        outline: view.sample,
+        outline: *view.sample.polygon(),
+        by_pixel: Some(&view.sample),
         factor: [1.0; 3],
     }
 }
