@@ -524,6 +524,12 @@ pub mod interreflection {
     /// each: one is off by 1.3 times what it states. With each tile's own error 20 of 400 were, by up to 12 times.
     pub const NEIGHBOURS_DOUBT: f64 = 2.0;
 
+    /// Points of the chart that a glance at the higher orders takes, and how many times what it sees by the coarsest
+    /// rules there may be elsewhere. Measured against fine rules at 40 points of each of 830 charts drawn at random, up
+    /// to 40 patches wide and down to a few pixels: at most 7.4 times (`a_glance_at_higher_orders_tells_how_dark_they_are`).
+    pub const GLANCES: usize = 9;
+    pub const GLANCE_MARGIN: f64 = 20.0;
+
     /// Points off the nodes at which a tile of the higher orders is looked at, divided among the chart's columns.
     /// Measured with [`OFF_NODES_DOUBT`].
     pub const OFF_NODES: usize = 9;

@@ -8,7 +8,11 @@
 //! is tried first. If points off its nodes show that it does not, the chart is cut into the columns of
 //! order 1, and the worst tile is halved, or has finer rules, until none misses too much or the limit
 //! on evaluations is reached. Then the tiles state what they miss.
+//!
+//! Most charts that the sample sends little send next to nothing back. So a glance at a few points comes first: if
+//! what they show is far below what may be missed, there are no tiles, and a bound of it is stated.
 
+mod glance;
 mod like;
 
 use super::frame::Frame;
@@ -140,12 +144,16 @@ impl Higher {
             levels: Default::default(),
         };
         let allowed = share * frame.tolerance(&frame.bounds());
+        let glance = senders.glance(allowed);
+        if let Some(most) = glance.most {
+            return Ok(Self::left_out(most, glance.evaluations));
+        }
         let Whole {
             mut solved,
             level,
             series,
             mut evaluations,
-        } = senders.whole(allowed)?;
+        } = senders.whole(allowed, glance.evaluations)?;
         let excess = solved.excess(allowed);
         if excess > 1.0 && solved.resolved {
             let columns = columns(frame).into_iter();
@@ -169,6 +177,19 @@ impl Higher {
             rules: solved.rules,
         })
     }
+
+    /// Orders that are nowhere more than this and are stated as an error.
+    fn left_out(most: f64, evaluations: u64) -> Self {
+        let mut nothing = Self {
+            tiles: Default::default(),
+            evaluations,
+            rules: Vec::new(),
+        };
+        for tiles in &mut nothing.tiles {
+            tiles.everywhere = most;
+        }
+        nothing
+    }
 }
 
 impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
@@ -185,17 +206,16 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     }
 
     /// All of the chart as one tile with as many terms and rules as fine as `allowed` asks for and a limit on
-    /// evaluations lets it have.
+    /// evaluations lets it have, of which some are spent.
     ///
     /// # Errors
     /// When even the coarsest rules take more than [`FIRST_EVALUATIONS_MAX`].
-    fn whole(&self, allowed: f64) -> Result<Whole, Unresolved> {
+    fn whole(&self, allowed: f64, mut evaluations: u64) -> Result<Whole, Unresolved> {
         let bounds = self.frame.bounds();
         let mut plan = self.plan(bounds, Series::FIRST, 0, 0);
         if plan.evaluations > FIRST_EVALUATIONS_MAX {
             return Err(Unresolved);
         }
-        let mut evaluations = 0;
         let mut before = f64::INFINITY;
         loop {
             let (level, series) = (plan.level, plan.series);

@@ -13,7 +13,7 @@ use super::transfer::{Along, Receiver};
 use crate::geometry::BackendChoice;
 use crate::hybrid::PreparedView;
 use crate::hybrid::budget::interreflection::{
-    EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, HIGHER_SHARE, LEVEL_MAX,
+    EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, GLANCE_MARGIN, HIGHER_SHARE, LEVEL_MAX,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -184,7 +184,8 @@ pub fn draws(seed: u64) -> impl FnMut(f64, f64) -> f64 {
     move |low, high| low + (high - low) * (rng.next_u32() as f64 / f64::from(u32::MAX))
 }
 
-/// What `look` finds in the frame of a draw; `None` where there is no chart.
+/// What `look` finds in the frame of a draw; `None` where there is no chart, or where the bulb is not in front of its
+/// plane, which no specification may say.
 pub fn in_frame<T>(
     (specification, material): (Specification, Material),
     look: impl FnOnce(&Frame<'_>) -> T,
@@ -194,8 +195,9 @@ pub fn in_frame<T>(
         .expect("a view")
         .expect("native geometry");
     let prepared = PreparedView::new(&scene, &specification)?;
-    let frame = Frame::new(&prepared.view, prepared.chart.as_ref()?, &reflectance);
-    Some(look(&frame))
+    let (view, chart) = (&prepared.view, prepared.chart.as_ref()?);
+    let in_front = (view.bulb.centre - chart.plane.corner).dot(chart.plane.z) > view.bulb.radius;
+    in_front.then(|| look(&Frame::new(view, chart, &reflectance)))
 }
 
 /// The higher orders without order 1.
@@ -301,6 +303,65 @@ fn higher_orders_of_a_far_chart_state_what_they_are_off_by() {
         ratios.len()
     );
     assert!(worst < 1.5, "{worst}");
+}
+
+/// The most light of the second order at points of the chart, by the rules of a level.
+fn most_of_order_2(frame: &Frame<'_>, points: &[[f64; 2]], level: usize) -> f64 {
+    let (cells, _) = level_cells(frame, level);
+    let senders = Points::new(frame, (&cells, level), &|_| [0.0; 3]);
+    let planned = points.iter().map(|at| Planned::new(frame, *at, level));
+    let planned: Vec<Planned> = planned.collect();
+    let rows = rows(frame, &planned, &senders).into_iter();
+    rows.map(|row| largest(row.apply(&senders, |i| senders.direct[i])))
+        .fold(0.0, f64::max)
+}
+
+/// What a glance leaves out of a draw, and the most there is at some points, along the sample's side and up the chart
+/// most of all; `None` where a glance does not do.
+fn left_out_and_most(
+    draw: (Specification, Material),
+    mut uniform: impl FnMut(f64, f64) -> f64,
+) -> Option<[f64; 2]> {
+    const LEVEL: usize = 2;
+    const ALONG: u32 = 8;
+    in_frame(draw, |frame| {
+        let higher = Higher::solve(frame, f64::INFINITY, |_| [0.0; 3]).ok()?;
+        let Rectangle { low, high } = frame.bounds();
+        let at = |shares: [f64; 2]| [0, 1].map(|i| low[i] + (high[i] - low[i]) * shares[i]);
+        let mut points: Vec<[f64; 2]> = (0..POINTS)
+            .map(|_| at([uniform(0.0, 1.0), uniform(0.0, 1.0)]))
+            .collect();
+        for step in 0..ALONG {
+            let share = (f64::from(step) + 0.5) / f64::from(ALONG);
+            points.extend([at([share, 0.02]), at([0.5, share])]);
+        }
+        Some([
+            higher.tiles[0].error(),
+            most_of_order_2(frame, &points, LEVEL),
+        ])
+    })?
+}
+
+/// By what is seen alone, without a margin, half of the charts hold more light than is stated.
+#[test]
+fn a_glance_at_higher_orders_tells_how_dark_they_are() {
+    let mut worst = [0.0f64; 3];
+    for seed in 0..80 {
+        let mut uniform = draws(seed);
+        let far = drawn_far(&mut uniform);
+        let mut glossy = drawn(&mut uniform);
+        glossy.1.roughness = uniform(15.0, 60.0);
+        for (worst, draw) in worst.iter_mut().zip([drawn(&mut uniform), far, glossy]) {
+            if let Some([left_out, most]) = left_out_and_most(draw, draws(seed + 1_000)) {
+                *worst = worst.max(most / left_out.max(NOTHING));
+            }
+        }
+    }
+    let margins = worst.map(|share| share * GLANCE_MARGIN);
+    assert!(
+        worst.iter().all(|share| *share < 0.5) && margins.iter().any(|margin| *margin > 3.0),
+        "up to {margins:?} times what is seen"
+    );
 }
 
 /// Evaluations that the higher orders of a draw take for an accuracy out of reach.
