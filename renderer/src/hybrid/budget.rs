@@ -324,6 +324,11 @@ pub mod reflected_chart {
     /// gains all of its pixels.
     pub const OFF_SAMPLE_SHARE: f64 = 40.0;
 
+    /// What polynomials miss of the light on the chart is stated as it is where it is no more than this share of what
+    /// they may miss of the bulb's; else points tell what the sample sends on of it. Chosen: in the preset's proportions
+    /// it is at most a twelfth of a dark pixel's target and a hundredth of a white one's.
+    pub const STATED_SHARE: f64 = 0.2;
+
     /// The most patches that a chart is parted into where its light bends. A limit on work. Chosen.
     pub const PATCHES_MAX: u32 = 4096;
 }

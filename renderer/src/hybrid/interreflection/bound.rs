@@ -113,10 +113,10 @@ fn specular_max(reflectance: &Reflectance, [wi, wo]: [[Interval; 3]; 2], least_s
 }
 
 impl Bounds {
-    /// The bounds for a material.
+    /// The bounds for a material. The one of order 1 is worked out as far as it is not above `enough`.
     ///
     /// A sample that is Lambertian in part always sends light: its bounds are those of energy.
-    pub fn new(frame: &Frame<'_>, reflectance: &Reflectance) -> Self {
+    pub fn new(frame: &Frame<'_>, reflectance: &Reflectance, enough: f64) -> Self {
         if reflectance.specular_share < 1.0 {
             return Self {
                 order_1: f64::INFINITY,
@@ -124,7 +124,7 @@ impl Bounds {
             };
         }
         Self {
-            order_1: order_1(frame, reflectance),
+            order_1: order_1(frame, reflectance, enough),
             transfer: transfer(frame, reflectance),
         }
     }
@@ -183,15 +183,19 @@ fn chart_boxes(frame: &Frame<'_>, [across, up]: [usize; 2]) -> Vec<Bound3> {
         .collect()
 }
 
-fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
+fn order_1(frame: &Frame<'_>, reflectance: &Reflectance, enough: f64) -> f64 {
     let view = frame.view;
     let [along, across, up] = BULB_BOXES;
     let Vec3 { x, y, z } = view.bulb.centre;
     let radius = view.bulb.radius;
     let bulb = Bound3([x, y, z].map(|at| [at - radius, at + radius]));
     let charts = chart_boxes(frame, [across, up]);
+    let from_sample = view.bulb.radiance * form_factor_max(&frame.chart.plane);
     let mut most = 0.0f64;
     for from in sample_boxes(view.sample_half, along) {
+        if most * from_sample > enough {
+            return f64::INFINITY;
+        }
         let nearest = Bound3([x, y, z].map(|at| [at; 2]));
         let offset2: f64 = (0..3)
             .map(|axis| square(difference(nearest.0[axis], from.0[axis]))[0])
@@ -205,7 +209,7 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
             most = most.max(specular * solid_angle);
         }
     }
-    most * view.bulb.radiance * form_factor_max(&frame.chart.plane)
+    most * from_sample
 }
 
 fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
@@ -215,13 +219,17 @@ fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
     let mut most = 0.0f64;
     for from in sample_boxes(frame.view.sample_half, along) {
         let directions: Vec<_> = charts.iter().map(|to| to.direction_from(&from)).collect();
-        for wi in &directions {
-            for wo in &directions {
+        for (index, wi) in directions.iter().enumerate() {
+            // Either way round the half vector is the same.
+            for wo in &directions[index..] {
                 most = most.max(specular_max(reflectance, [*wi, *wo], least));
+            }
+            // From the sample the chart fills at most a quarter of the sphere; and no more light leaves the sample than
+            // arrives.
+            if most * PI >= 1.0 {
+                return form_factor_max(&frame.chart.plane);
             }
         }
     }
-    // From the sample the chart fills at most a quarter of the sphere; and no more light leaves
-    // the sample than arrives.
-    (most * PI).min(1.0) * form_factor_max(&frame.chart.plane)
+    most * PI * form_factor_max(&frame.chart.plane)
 }

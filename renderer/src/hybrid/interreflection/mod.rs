@@ -112,7 +112,7 @@ impl Interreflection {
         }
         let tolerance = frame.tolerance(&found.bounds);
         let left_out = LEFT_OUT_SHARE * tolerance;
-        let bounds = Bounds::new(frame, reflectance);
+        let bounds = Bounds::new(frame, reflectance, tolerance);
         let reflected = bounds.transfer * frame.reflectance_max();
         // An error of one order comes back in the orders above it: a geometric series in steps of two.
         let once = match view.bounces_max {

@@ -110,7 +110,7 @@ proptest! {
         let Some(prepared) = PreparedView::new(&scene, &specification) else { return Ok(()) };
         let Some(chart) = prepared.chart.as_ref() else { return Ok(()) };
         let frame = Frame::new(&prepared.view, chart, &reflectance);
-        let bounds = Bounds::new(&frame, &reflectance);
+        let bounds = Bounds::new(&frame, &reflectance, f64::INFINITY);
         let [width, height] = chart.plane.size();
         for (a, b) in [(0.1, 0.05), (0.5, 0.3), (0.5, 0.9), (0.9, 0.6)] {
             let [order_1, transfer] = brute_force(&frame, &reflectance, [a * width, b * height]);

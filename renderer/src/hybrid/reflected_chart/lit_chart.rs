@@ -136,6 +136,32 @@ impl Heights {
     }
 }
 
+/// How it is known what polynomials miss.
+pub enum Missed<T> {
+    /// Of the chart's radiance, and so of what the sample sends on of it: a sample sends on no more than it gets.
+    AtMost(f64),
+    /// By the same in smaller parts.
+    Against(T),
+}
+
+impl<T> Missed<T> {
+    /// Of what it is compared with a reference.
+    pub fn as_ref(&self) -> Missed<&T> {
+        match self {
+            Self::AtMost(most) => Missed::AtMost(*most),
+            Self::Against(finer) => Missed::Against(finer),
+        }
+    }
+
+    /// Compared with something that is made of it.
+    pub fn map<U>(self, map: impl FnOnce(T) -> U) -> Missed<U> {
+        match self {
+            Self::AtMost(most) => Missed::AtMost(most),
+            Self::Against(finer) => Missed::Against(map(finer)),
+        }
+    }
+}
+
 /// What is missed between the probes is at most this many times what is missed at them.
 const MISSED_MARGIN: f64 = 1.5;
 

@@ -26,7 +26,7 @@ use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use gather::LightBatch;
 use glossy::GlossyChart;
-use lit_chart::{LitChart, PARABOLA, QUARTIC};
+use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC};
 use wide::ChartOffWideLobe;
 
 /// Adds the chart in the sample to the film; returns evaluations.
@@ -63,48 +63,63 @@ struct Light<'a> {
     interreflection: &'a Interreflection,
 }
 
-/// The chart with its light told by polynomials, and the same in smaller parts, which tells what these miss.
+/// The chart with its light told by polynomials.
 struct Told<const NODES: usize> {
     chart: LitChart<NODES>,
-    finer: LitChart<NODES>,
+    missed: Missed<LitChart<NODES>>,
 }
 
 impl Light<'_> {
     /// By parabolas on whole patches, if the tolerance lets them.
     fn by_parabolas_on_patches(&self) -> Option<Told<PARABOLA>> {
-        let serves = self.serve::<PARABOLA>(1);
-        serves.then(|| self.in_parts(1))
+        self.serving(1)
     }
 
     /// By polynomials on as few parts as the tolerance asks for.
     fn told<const NODES: usize>(&self) -> Told<NODES> {
         let patches = self.chart.patches.len() as u32;
         let mut parts = 1;
-        while !self.serve::<NODES>(parts) && (2 * parts) * (2 * parts) * patches <= PATCHES_MAX {
+        loop {
+            if let Some(told) = self.serving(parts) {
+                return told;
+            }
+            if (2 * parts) * (2 * parts) * patches > PATCHES_MAX {
+                break;
+            }
             parts *= 2;
         }
-        self.in_parts(parts)
+        Told {
+            chart: self.in_parts(parts),
+            missed: Missed::Against(self.in_parts(2 * parts)),
+        }
     }
 
-    fn in_parts<const NODES: usize>(&self, parts: u32) -> Told<NODES> {
+    fn in_parts<const NODES: usize>(&self, parts: u32) -> LitChart<NODES> {
         let gap = self.interreflection.gap();
-        let [chart, finer] = [parts, 2 * parts]
-            .map(|parts| LitChart::new(self.chart, gap, parts, |at| self.irradiance(at)));
-        Told { chart, finer }
+        LitChart::new(self.chart, gap, parts, |at| self.irradiance(at))
     }
 
-    /// Whether polynomials on such parts of patches miss no more than the tolerance lets them: of the bulb's light
+    /// By polynomials on such parts of patches, if these miss no more than the tolerance lets them: of the bulb's light
     /// on the chart, and of all.
-    fn serve<const NODES: usize>(&self, parts: u32) -> bool {
+    fn serving<const NODES: usize>(&self, parts: u32) -> Option<Told<NODES>> {
         let gap = self.interreflection.gap();
         let allowed = self.view.budget.light_on_chart();
         let direct = |at: [f64; 2]| [self.view.bulb_on_chart(&self.chart.plane, at); 3];
-        let missed_of_direct =
-            LitChart::<NODES>::new(self.chart, gap, parts, direct).missed(direct);
-        let all = |at: [f64; 2]| self.irradiance(at);
-        missed_of_direct <= allowed
-            && LitChart::<NODES>::new(self.chart, gap, parts, all).missed(all)
-                <= reflected_chart::OFF_SAMPLE_SHARE * allowed
+        let of_direct = LitChart::<NODES>::new(self.chart, gap, parts, direct).missed(direct);
+        if of_direct > allowed {
+            return None;
+        }
+        let chart = self.in_parts(parts);
+        let missed = chart.missed(|at| self.irradiance(at));
+        if missed > reflected_chart::OFF_SAMPLE_SHARE * allowed {
+            return None;
+        }
+        let missed = if missed <= reflected_chart::STATED_SHARE * allowed {
+            Missed::AtMost(missed)
+        } else {
+            Missed::Against(self.in_parts(2 * parts))
+        };
+        Some(Told { chart, missed })
     }
 
     /// Over pi.
@@ -119,7 +134,7 @@ impl Light<'_> {
 fn add_wide<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    Told { chart, finer }: &Told<NODES>,
+    Told { chart, missed }: &Told<NODES>,
     function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
@@ -140,7 +155,7 @@ fn add_wide<const NODES: usize>(
     let shade = ChartOffWideLobe {
         view,
         chart,
-        finer,
+        missed: missed.as_ref(),
         reflectance,
         function_error,
     };
@@ -170,18 +185,17 @@ fn add_glossy<const NODES: usize>(
         tolerance: view.budget.glossy_rule,
         shares: TILING,
     };
-    let [chart, finer] = [&parabolas.chart, &parabolas.finer]
-        .map(|chart| GlossyChart::new(chart, reflectance, view.instructions));
+    let glossy = |chart| GlossyChart::new(chart, reflectance, view.instructions);
     let wide = ChartOffWideLobe {
         view,
         chart: &polynomials.chart,
-        finer: &polynomials.finer,
+        missed: polynomials.missed.as_ref(),
         reflectance,
         function_error,
     };
     let shade = ChartOffGlossyLobe {
-        chart: &chart,
-        finer: &finer,
+        chart: glossy(&parabolas.chart),
+        missed: parabolas.missed.as_ref().map(glossy),
         wide,
     };
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
@@ -260,9 +274,8 @@ impl Detail {
 
 /// The chart off a glossy lobe.
 struct ChartOffGlossyLobe<'a, const NODES: usize> {
-    chart: &'a GlossyChart<'a>,
-    /// The same with the chart in smaller parts.
-    finer: &'a GlossyChart<'a>,
+    chart: GlossyChart<'a>,
+    missed: Missed<GlossyChart<'a>>,
     /// What serves where no polynomial along the lobe's narrow axis tells the light: seen at a slant
     /// and from near by, it may bend too much over the lobe.
     wide: ChartOffWideLobe<'a, NODES>,
@@ -326,9 +339,13 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> (f64, u32) {
+        let finer = match &self.missed {
+            Missed::AtMost(missed) => return (*missed, 0),
+            Missed::Against(finer) => finer,
+        };
         let (position, wo) = self.wide.view.sample_point(film_point);
         let [(coarse, first), (fine, second)] =
-            [self.chart, self.finer].map(|chart| chart.reflected(position, wo, tolerance, glossy));
+            [&self.chart, finer].map(|chart| chart.reflected(position, wo, tolerance, glossy));
         (largest_difference(coarse, fine), first + second)
     }
 }

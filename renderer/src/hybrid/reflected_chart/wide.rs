@@ -2,7 +2,7 @@
 //! the patches.
 
 use super::gather::{self, LightBatch};
-use super::lit_chart::LitChart;
+use super::lit_chart::{LitChart, Missed};
 use super::window::Window;
 use crate::film::demand::FunctionError;
 use crate::film::tiling::Shade;
@@ -20,8 +20,8 @@ use std::f64::consts::FRAC_1_PI;
 pub struct ChartOffWideLobe<'a, const NODES: usize> {
     pub view: &'a View,
     pub chart: &'a LitChart<NODES>,
-    /// The same in smaller parts, which tells what its polynomials miss.
-    pub finer: &'a LitChart<NODES>,
+    /// What its polynomials miss.
+    pub missed: Missed<&'a LitChart<NODES>>,
     pub reflectance: &'a Reflectance,
     /// What the light on the chart may be off by.
     pub function_error: FunctionError,
@@ -49,8 +49,12 @@ impl<const NODES: usize> Shade for ChartOffWideLobe<'_, NODES> {
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> (f64, u32) {
+        let finer = match self.missed {
+            Missed::AtMost(missed) => return (missed, 0),
+            Missed::Against(finer) => finer,
+        };
         let [(coarse, first), (fine, second)] =
-            [self.chart, self.finer].map(|chart| self.off(chart, scratch, film_point, tolerance));
+            [self.chart, finer].map(|chart| self.off(chart, scratch, film_point, tolerance));
         (largest_difference(coarse, fine), first + second)
     }
 }
