@@ -1,5 +1,6 @@
 //! What a function of the film asks of its tiling.
 
+use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
@@ -76,4 +77,6 @@ pub struct Demand<'a> {
     pub tolerance: Tolerance,
     /// How the error allowed is divided.
     pub shares: Shares,
+    /// What kernels are worked out with.
+    pub instructions: Instructions,
 }

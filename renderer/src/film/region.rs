@@ -5,6 +5,7 @@ use super::demand::FunctionError;
 use super::outline::Outline;
 use super::tile_nodes::TERMS;
 use crate::numerics::chebyshev::Tile;
+use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
 use std::ops::Range;
 
@@ -26,11 +27,12 @@ pub fn add_tile(
     error: f64,
     function_error: impl Fn(&Rectangle) -> FunctionError,
     regions: &[Region<'_>],
+    instructions: Instructions,
 ) {
     let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
     let integrals = tile.cell_integrals(&columns, &rows);
     let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
-    let mut on_whole = Vec::new();
+    let mut buffer = Vec::new();
     for region in regions {
         let Some(shared) = region.outline.bounds().intersection(&tile.rectangle) else {
             continue;
@@ -40,15 +42,18 @@ pub fn add_tile(
             let whole = region.whole_cells(tile, &columns, row);
             let indices = [whole.start, whole.end].map(|column| (column - first_column) as usize);
             let of_row = (row - first_row) as usize;
-            integrals.in_row(of_row, indices[0]..indices[1], &mut on_whole);
-            for (column, &value) in whole.clone().zip(&on_whole) {
+            let indices = indices[0]..indices[1];
+            let on_whole = integrals.in_row(instructions, of_row, indices, &mut buffer);
+            for (column, &value) in whole.clone().zip(on_whole) {
                 let cell = cell(tile, column, row);
                 let error = error * cell.area() + function_error(&cell).over(cell.area(), value);
                 add_region(canvas, &cell, region, value, error);
             }
             for column in (columns.start..whole.start).chain(whole.end..columns.end) {
                 let cell = cell(tile, column, row);
-                if let Some((value, area)) = region.integral_of_part(tile, &cell, (column, row)) {
+                if let Some((value, area)) =
+                    region.integral_of_part(tile, &cell, (column, row), instructions)
+                {
                     let error = error * area + function_error(&cell).over(area, value);
                     add_region(canvas, &cell, region, value, error);
                 }
@@ -101,14 +106,15 @@ impl Region<'_> {
         tile: &Tile<TERMS>,
         cell: &Rectangle,
         pixel: (u32, u32),
+        instructions: Instructions,
     ) -> Option<([f64; 3], f64)> {
         let is_pixel = *cell == Rectangle::pixel(pixel.0, pixel.1);
         match self.by_pixel {
             Some(by_pixel) if is_pixel => {
                 let cut = by_pixel.cut_pixel(pixel)?;
-                Some(tile.integral_over(&cut.part))
+                Some(tile.integral_over(&cut.part, instructions))
             }
-            _ => Some(tile.integral_over(&self.outline.clipped(cell))),
+            _ => Some(tile.integral_over(&self.outline.clipped(cell), instructions)),
         }
     }
 }

@@ -41,6 +41,7 @@ pub fn add(
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         shares: TILING,
+        instructions: view.instructions,
     };
     // Within its share of the target it takes nothing from the tiles, on whatever part of the chart.
     let share = ORDER_1_SHARE + HIGHER_SHARE;

@@ -2,6 +2,7 @@
 
 use super::batch::LANES;
 use super::channels::add_scaled;
+use super::instructions::{Instructions, kernel};
 use super::polygon::{OF_DEGREE_3, Polygon, Rectangle};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -17,6 +18,9 @@ const LEFT_OUT: f64 = 0.4;
 /// most (2 / 10)^4 / 4320 times the fourth derivative of a term, a seventieth of the last coefficient and less than
 /// a ten thousandth of the fourth.
 const SMALL_PART: f64 = 10.0;
+
+/// As many points as most polygons have in a rule of degree 3.
+const POINTS_USUAL: usize = 16;
 
 /// A function of the film on a rectangle, in each channel the sum of `coefficients[j][i]` T_i along
 /// columns times T_j along rows.
@@ -199,17 +203,25 @@ pub struct CellIntegrals<const TERMS: usize> {
 
 impl<const TERMS: usize> CellIntegrals<TERMS> {
     /// The integrals over the cells in some columns of a row of the grid: [`Tile::integral`], to the bit.
-    pub fn in_row(&self, row: usize, columns: Range<usize>, values: &mut Vec<[f64; 3]>) {
-        values.clear();
+    pub fn in_row<'a>(
+        &self,
+        instructions: Instructions,
+        row: usize,
+        columns: Range<usize>,
+        buffer: &'a mut Vec<[f64; 3]>,
+    ) -> &'a [[f64; 3]] {
         let blocks = columns.start / LANES..columns.end.div_ceil(LANES);
-        for block in blocks.clone() {
-            let sums = contract_block(&self.rows[row], &self.columns[block]);
-            for lane in 0..LANES {
-                values.push(sums.map(|channel| self.scale * channel[lane]));
-            }
-        }
-        values.truncate(columns.end - LANES * blocks.start);
-        values.drain(..(columns.start - LANES * blocks.start).min(values.len()));
+        let before = LANES * blocks.start;
+        buffer.clear();
+        buffer.resize(LANES * blocks.len(), [0.0; 3]);
+        contract_blocks(
+            instructions,
+            &self.rows[row],
+            &self.columns[blocks],
+            self.scale,
+            buffer.as_chunks_mut::<LANES>().0,
+        );
+        &buffer[columns.start - before..columns.end - before]
     }
 }
 
@@ -293,10 +305,11 @@ impl<const TERMS: usize> Tile<TERMS> {
     }
 
     /// The integral over a polygon inside the tile, and the polygon's area.
-    pub fn integral_over(&self, polygon: &Polygon) -> ([f64; 3], f64) {
-        let (mut sum, mut area) = ([0.0; 3], 0.0);
+    pub fn integral_over(&self, polygon: &Polygon, instructions: Instructions) -> ([f64; 3], f64) {
+        let (mut points, mut area) = (Vec::with_capacity(POINTS_USUAL), 0.0);
         let add = |at: [f64; 2], weight: f64| {
-            add_scaled(&mut sum, self.value(at), weight);
+            let local = [0, 1].map(|axis| self.rectangle.local(axis, at[axis]));
+            points.push((local, weight));
             area += weight;
         };
         let [whole, part] = [self.rectangle, polygon.bounds()].map(|rectangle| rectangle.sides());
@@ -304,6 +317,14 @@ impl<const TERMS: usize> Tile<TERMS> {
             polygon.for_each_point_of(&OF_DEGREE_3, add);
         } else {
             polygon.for_each_point(add);
+        }
+        let mut moments = [[0.0; TERMS]; TERMS];
+        add_moments(instructions, &points, &mut moments);
+        let mut sum = [0.0; 3];
+        for (line, moments) in self.coefficients.iter().zip(&moments) {
+            for (coefficient, moment) in line.iter().zip(moments) {
+                add_scaled(&mut sum, *coefficient, *moment);
+            }
         }
         (sum, area)
     }
@@ -346,20 +367,46 @@ impl<const TERMS: usize> Tile<TERMS> {
     }
 }
 
-/// [`contract_line`] for columns side by side.
-fn contract_block<const TERMS: usize>(
-    line: &[[f64; 3]; TERMS],
-    columns: &[[f64; LANES]; TERMS],
-) -> [[f64; LANES]; 3] {
-    let mut sums = [[0.0; LANES]; 3];
-    for (coefficient, columns) in line.iter().zip(columns) {
-        for (sum, coefficient) in sums.iter_mut().zip(coefficient) {
-            for (sum, x) in sum.iter_mut().zip(columns) {
-                *sum += coefficient * x;
+kernel! {
+    /// Adds the sums over points of their weights times the products of polynomials there.
+    pub fn add_moments<const TERMS: usize>(
+        points: &[([f64; 2], f64)],
+        moments: &mut [[f64; TERMS]; TERMS],
+    ) {
+        for (at, weight) in points {
+            let [x, y]: [[f64; TERMS]; 2] = at.map(values);
+            for (moments, y) in moments.iter_mut().zip(&y) {
+                let weight = weight * y;
+                for (moment, x) in moments.iter_mut().zip(&x) {
+                    *moment += weight * x;
+                }
             }
         }
     }
-    sums
+}
+
+kernel! {
+    /// `scale` times [`contract_line`] for blocks of columns.
+    pub fn contract_blocks<const TERMS: usize>(
+        line: &[[f64; 3]; TERMS],
+        columns: &[[[f64; LANES]; TERMS]],
+        scale: f64,
+        values: &mut [[[f64; 3]; LANES]],
+    ) {
+        for (columns, values) in columns.iter().zip(values) {
+            let mut sums = [[0.0; LANES]; 3];
+            for (coefficient, columns) in line.iter().zip(columns) {
+                for (sum, coefficient) in sums.iter_mut().zip(coefficient) {
+                    for (sum, x) in sum.iter_mut().zip(columns) {
+                        *sum += coefficient * x;
+                    }
+                }
+            }
+            for (lane, value) in values.iter_mut().enumerate() {
+                *value = [0, 1, 2].map(|channel| scale * sums[channel][lane]);
+            }
+        }
+    }
 }
 
 fn contract_line<const TERMS: usize>(line: &[[f64; 3]; TERMS], x: &[f64; TERMS]) -> [f64; 3] {
@@ -450,10 +497,13 @@ mod tests {
         let (tile, _) = Basis::<8>::new().fit(rectangle, values);
         let [columns, rows] = [0, 1].map(|axis| rectangle.pixel_edges(axis));
         let integrals = tile.cell_integrals(&columns, &rows);
-        let mut found = Vec::new();
-        for row in 0..rows.len() - 1 {
-            for (start, end) in [(0, 23), (0, 0), (3, 7), (7, 9), (8, 16), (15, 23), (16, 16)] {
-                integrals.in_row(row, start..end, &mut found);
+        let mut buffer = Vec::new();
+        let ranges = [(0, 23), (0, 0), (3, 7), (7, 9), (8, 16), (15, 23), (16, 16)];
+        for (row, instructions) in
+            (0..rows.len() - 1).zip(Instructions::available().into_iter().cycle())
+        {
+            for (start, end) in ranges {
+                let found = integrals.in_row(instructions, row, start..end, &mut buffer);
                 let expected: Vec<[f64; 3]> = (start..end)
                     .map(|column| {
                         tile.integral(&Rectangle {

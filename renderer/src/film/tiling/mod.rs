@@ -119,7 +119,8 @@ pub fn integrate<S: Shade>(
                 Growth::Nothing => {}
                 Growth::Tile(tile, error) => {
                     let function_error = |cell: &Rectangle| shade.function_error(cell);
-                    add_tile(canvas, &tile, error, function_error, regions);
+                    let instructions = demand.instructions;
+                    add_tile(canvas, &tile, error, function_error, regions, instructions);
                 }
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {

@@ -69,6 +69,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
         shares: TILING,
+        instructions: view.instructions,
     };
     let regions = [Region {
         outline: *view.sample.polygon(),

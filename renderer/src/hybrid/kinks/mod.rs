@@ -9,6 +9,7 @@ use crate::film::outline::Outline;
 use crate::film::region::Region;
 use crate::film::tiling::{Shade, integrate};
 use crate::film::{FilmPixel, target};
+use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
 use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
@@ -330,6 +331,7 @@ impl Tally {
             evaluations_max: film.evaluations_max,
             tolerance: Tolerance::new(FIRST_RULE),
             shares: TILING,
+            instructions: Instructions::widest(),
         };
         integrate(&mut canvas, &by_pixel, &[region], &demand, function);
         for (column, row) in outline.bounds().pixels() {

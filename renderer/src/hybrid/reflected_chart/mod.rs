@@ -151,6 +151,7 @@ fn add_wide<const NODES: usize>(
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         shares: TILING,
+        instructions: view.instructions,
     };
     let shade = ChartOffWideLobe {
         view,
@@ -184,6 +185,7 @@ fn add_glossy<const NODES: usize>(
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
         tolerance: view.budget.glossy_rule,
         shares: TILING,
+        instructions: view.instructions,
     };
     let glossy = |chart| GlossyChart::new(chart, reflectance, view.instructions);
     let wide = ChartOffWideLobe {
