@@ -247,7 +247,7 @@ fn scene_and_view(specification: &Specification) -> (Scene, PreparedView) {
 fn stated_errors_hold_in_scenes_far_from_the_preset() {
     /// Below this the path tracer's rare bright paths are too few to be normal.
     const RARE: f64 = 1e-4;
-    let mut failures = Vec::new();
+    let (mut failures, mut lit) = (Vec::new(), 0);
     for case in &CASES {
         let specification = specification(case);
         let (scene, prepared) = scene_and_view(&specification);
@@ -304,12 +304,15 @@ fn stated_errors_hold_in_scenes_far_from_the_preset() {
                 }
             }
         }
+        // What is too dark to be worked out is stated.
         assert!(
-            most > 0.0 && worst.is_finite(),
+            (most > 0.0 || found.error() > 0.0) && worst.is_finite(),
             "{}: nothing was compared",
             case.name
         );
+        lit += usize::from(most > 0.0);
     }
+    assert!(2 * lit > CASES.len(), "{lit} of {} are lit", CASES.len());
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
