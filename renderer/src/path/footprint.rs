@@ -49,6 +49,12 @@ impl Outline {
         }
     }
 
+    /// How large the box about it is, in pixels; `None` where not all of it is in front of the camera.
+    pub fn box_size(&self) -> Option<f64> {
+        let [[left, right], [top, bottom]] = self.bounds?;
+        Some((right - left) * (bottom - top))
+    }
+
     /// The outline of a convex polygon.
     pub fn of_polygon(camera: &PinholeCamera, corners: &[Vec3]) -> Self {
         Self::new(camera, corners.iter().map(|&at| at - camera.position))

@@ -3,7 +3,7 @@
 //! A pixel that sees metres of a sample may hold all of this in a millionth of its area. It gets paths
 //! of its own there.
 
-use super::footprint::Outline;
+use super::footprint::{Area, Outline};
 use super::streak::Streak;
 use crate::reflectance::lobe::Lobe;
 use crate::scene::{MirrorPoint, SampleSurface, Scene, SmoothSurface};
@@ -29,15 +29,62 @@ const SIDES: u32 = 256;
 
 /// Where the bulb shows in the sample.
 #[derive(Debug)]
-pub enum BulbShows {
-    /// In film outlines, each with how bright it is, but for a factor. None for a mesh, on which the bulb may show in
-    /// many places.
-    Within(Vec<(Outline, f64)>),
-    /// In a shape that no outline here has, or on no more than the sample's edge: most of an outline would lie beyond.
-    Unoutlined {
-        /// Where on the film the bulb's centre would show in a mirror, if the camera sees that.
-        mirror_image: Option<[f64; 2]>,
-    },
+pub struct BulbShows {
+    /// Film outlines, each with how bright it is, but for a factor. None for a mesh, on which the bulb may show in many
+    /// places. `None` where it shows in a shape that no outline here has, or on no more than the sample's edge: most of an
+    /// outline would lie beyond.
+    pub within: Option<Vec<(Outline, f64)>>,
+    /// Where on the film the bulb's centre would show in a mirror, if the camera sees that.
+    pub mirror_image: Option<[f64; 2]>,
+}
+
+/// The part of a pixel where the bulb's highlight is, in parts.
+#[derive(Debug)]
+pub struct Highlight {
+    /// Parts, and how bright they are, but for a factor.
+    parts: Vec<(Area, f64)>,
+    /// The sum over them of size times brightness.
+    light: f64,
+}
+
+impl Highlight {
+    /// What a pixel has of these outlines; `None` where that is nothing, or as large as `size`.
+    pub fn within(outlines: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
+        let parts = outlines.iter().filter_map(|(outline, brightness)| {
+            Some((outline.within_pixel(column, row)?, *brightness))
+        });
+        let parts: Vec<(Area, f64)> = parts.collect();
+        let total: f64 = parts.iter().map(|(part, _)| part.size()).sum();
+        if total < size { Self::new(parts) } else { None }
+    }
+
+    /// Of these parts; `None` where they send no light.
+    pub fn new(parts: Vec<(Area, f64)>) -> Option<Self> {
+        let lights = parts.iter().map(|(part, bright)| bright * part.size());
+        let light: f64 = lights.sum();
+        (light > 0.0).then_some(Self { parts, light })
+    }
+
+    /// A point, from one of the open unit square: in parts that send more light there are more.
+    pub fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let mut light = x * self.light;
+        let mut at = None;
+        for (part, bright) in &self.parts {
+            let own = bright * part.size();
+            at = Some((part, (light / own).min(1.0)));
+            if light < own {
+                break;
+            }
+            light -= own;
+        }
+        at.map_or([0.0; 2], |(part, x)| part.point([x, y]))
+    }
+
+    /// The density of [`Highlight::point`]. Parts may overlap.
+    pub fn density(&self, point: [f64; 2]) -> f64 {
+        let holding = self.parts.iter().filter(|(part, _)| part.holds(point));
+        holding.map(|(_, bright)| bright).sum::<f64>() / self.light
+    }
 }
 
 /// Film outlines that together hold the points of the sample from which a facet that the lobe holds turns the
@@ -54,7 +101,16 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
         curvature,
     } = match scene.sample.mirror_point(eye, centre) {
         Some(point) => point,
-        None => return BulbShows::Within(Vec::new()),
+        None => {
+            return BulbShows {
+                within: Some(Vec::new()),
+                mirror_image: None,
+            };
+        }
+    };
+    let shows = |within| BulbShows {
+        within,
+        mirror_image: camera.project(position),
     };
     let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
@@ -93,16 +149,14 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
     if curvature == [0.0; 2] {
         let bends = corners.iter().any(bends);
         if bends && reach[1] > STREAK * reach[0] {
-            return BulbShows::Within(streak.outlines(camera, to_world));
+            return shows(Some(streak.outlines(camera, to_world)));
         }
         if bends || is_beside(&scene.sample, position) {
-            return BulbShows::Unoutlined {
-                mirror_image: camera.project(position),
-            };
+            return shows(None);
         }
     }
     let corners: Vec<Vec3> = corners.iter().map(|&(at, _)| to_world(at)).collect();
-    BulbShows::Within(vec![(Outline::of_polygon(camera, &corners), 1.0)])
+    shows(Some(vec![(Outline::of_polygon(camera, &corners), 1.0)]))
 }
 
 /// Whether a place on the plane of a flat sample lies beside it.
@@ -156,9 +210,7 @@ mod tests {
         let mut lobe = Lobe::new(10.0, 0.5, 30.0);
         [lobe.n_u, lobe.n_v] = exponents;
         let (camera, bulb) = (&scene.camera, &scene.bulb);
-        let BulbShows::Within(outlines) = outlines(&scene, &lobe) else {
-            return None;
-        };
+        let outlines = outlines(&scene, &lobe).within?;
         let mut areas = outlines
             .iter()
             .filter_map(|(outline, _)| outline.within_pixel(0, 0));

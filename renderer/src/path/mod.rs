@@ -47,7 +47,7 @@ use counts::Counts;
 use dataset::Specification;
 use facets::Facets;
 use footprint::{Area, Outline};
-use highlight::BulbShows;
+use highlight::{BulbShows, Highlight};
 use lit::Lit;
 use reach::Reach;
 use trace::Picture;
@@ -110,6 +110,8 @@ pub struct Tracer<'a> {
     inside_bulb: Outline,
     /// Where the bulb shows in the sample.
     highlight: BulbShows,
+    /// Whether the sample is curved and few pixels see it: one may be lit on a sliver.
+    curves_in_pixels: bool,
     /// The chart, and a flat sample, if the bulb lights them unevenly.
     lit: [Option<Lit>; 2],
     /// What each pixel may see of a mesh, where the sample is one.
@@ -159,55 +161,6 @@ struct Part {
     highlight: Option<Highlight>,
 }
 
-/// The part of a pixel where the bulb's highlight is, in parts.
-#[derive(Debug)]
-struct Highlight {
-    /// Parts, and how bright they are, but for a factor.
-    parts: Vec<(Area, f64)>,
-    /// The sum over them of size times brightness.
-    light: f64,
-}
-
-impl Highlight {
-    /// What a pixel has of these outlines; `None` where that is nothing, or as large as `size`.
-    fn within(outlines: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
-        let parts = outlines.iter().filter_map(|(outline, brightness)| {
-            Some((outline.within_pixel(column, row)?, *brightness))
-        });
-        let parts: Vec<(Area, f64)> = parts.collect();
-        let total: f64 = parts.iter().map(|(part, _)| part.size()).sum();
-        if total < size { Self::new(parts) } else { None }
-    }
-
-    /// Of these parts; `None` where they send no light.
-    fn new(parts: Vec<(Area, f64)>) -> Option<Self> {
-        let lights = parts.iter().map(|(part, bright)| bright * part.size());
-        let light: f64 = lights.sum();
-        (light > 0.0).then_some(Self { parts, light })
-    }
-
-    /// A point, from one of the open unit square: in parts that send more light there are more.
-    fn point(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let mut light = x * self.light;
-        let mut at = None;
-        for (part, bright) in &self.parts {
-            let own = bright * part.size();
-            at = Some((part, (light / own).min(1.0)));
-            if light < own {
-                break;
-            }
-            light -= own;
-        }
-        at.map_or([0.0; 2], |(part, x)| part.point([x, y]))
-    }
-
-    /// The density of [`Highlight::point`]. Parts may overlap.
-    fn density(&self, point: [f64; 2]) -> f64 {
-        let holding = self.parts.iter().filter(|(part, _)| part.holds(point));
-        holding.map(|(_, bright)| bright).sum::<f64>() / self.light
-    }
-}
-
 impl Part {
     /// A film point and its weight, from a point of the open unit square.
     fn point(&self, [x, y]: [f64; 2]) -> ([f64; 2], f64) {
@@ -224,6 +177,10 @@ impl Part {
     }
 }
 
+/// Of a curved sample that fewer pixels see each pixel is looked at for how bright it is where: of a larger one its
+/// neighbours show what lies beside it. Chosen.
+const FEW_PIXELS: f64 = 64.0;
+
 /// The share of a pixel's part below which the bulb's highlight gets paths of its own.
 const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
 
@@ -238,8 +195,14 @@ impl<'a> Tracer<'a> {
         } = scene.bulb;
         let [bulb, inside_bulb] = Outline::of_sphere(camera, centre, radius);
         let highlight = highlight::outlines(scene, &reflectance.lobe);
+        let sample = sample_outline(scene);
+        let box_size = sample.box_size().unwrap_or(f64::INFINITY);
+        let is_curved = matches!(
+            scene.sample,
+            SampleSurface::Smooth(SmoothSurface::Sphere(_) | SmoothSurface::Cylinder(_))
+        );
         let mut outlines = vec![(Target::Bulb, bulb)];
-        outlines.push((Target::Surface(Thing::Sample), sample_outline(scene)));
+        outlines.push((Target::Surface(Thing::Sample), sample));
         outlines.extend(chart_outlines(scene));
         let chart_max = scene.chart.as_ref().map_or(0.0, |chart| {
             let plane = chart.plane();
@@ -265,6 +228,7 @@ impl<'a> Tracer<'a> {
             outlines,
             inside_bulb,
             highlight,
+            curves_in_pixels: is_curved && box_size <= FEW_PIXELS,
             lit,
             facets: Facets::new(scene, reflectance),
             chart_max,
@@ -283,17 +247,7 @@ impl<'a> Tracer<'a> {
             }
             let area = outline.within_pixel(column, row)?;
             let highlight = match *target {
-                Target::Surface(Thing::Sample) => match &self.highlight {
-                    BulbShows::Within(outlines) => {
-                        let most = HIGHLIGHT_SHARE_MAX * area.size();
-                        Highlight::within(outlines, [column, row], most)
-                    }
-                    BulbShows::Unoutlined { mirror_image } => {
-                        let brightness = |at| self.brightness(at);
-                        cells::of(outline, &area, *mirror_image, brightness)
-                            .and_then(Highlight::new)
-                    }
-                },
+                Target::Surface(Thing::Sample) => self.highlight_in([column, row], outline, &area),
                 _ => None,
             };
             let gap = match *target {
@@ -313,6 +267,22 @@ impl<'a> Tracer<'a> {
         Footprint {
             parts: self.outlines.iter().filter_map(part).collect(),
         }
+    }
+
+    /// The bulb's highlight in the part of a pixel that sees the sample.
+    fn highlight_in(&self, pixel: [u32; 2], sample: &Outline, area: &Area) -> Option<Highlight> {
+        let BulbShows {
+            within,
+            mirror_image,
+        } = &self.highlight;
+        let most = HIGHLIGHT_SHARE_MAX * area.size();
+        let outlines = within.as_ref();
+        let outlined = outlines.and_then(|outlines| Highlight::within(outlines, pixel, most));
+        if outlined.is_some() || (outlines.is_some() && !self.curves_in_pixels) {
+            return outlined;
+        }
+        let brightness = |at| self.brightness(at);
+        cells::of(sample, area, *mirror_image, brightness).and_then(Highlight::new)
     }
 
     /// At most what a pixel is off by because no path met the gap about the bulb.

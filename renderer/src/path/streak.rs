@@ -162,7 +162,7 @@ impl Streak<'_> {
 mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
-    use crate::path::highlight::{BulbShows, outlines};
+    use crate::path::highlight::outlines;
     use crate::scene::Scene;
     use dataset::Specification;
 
@@ -212,7 +212,7 @@ mod tests {
             let scene = scene.expect("such a view").expect("a scene");
             for angle in [0.0, 50.0, 110.0] {
                 let lobe = Lobe::new(0.0, 0.9, angle);
-                let BulbShows::Within(parts) = outlines(&scene, &lobe) else {
+                let Some(parts) = outlines(&scene, &lobe).within else {
                     panic!("a streak has outlines");
                 };
                 assert!(parts.len() > 10, "a streak");

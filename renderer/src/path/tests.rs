@@ -1,6 +1,5 @@
 //! Highlights of the bulb on a sample that few pixels see, against the `hybrid` integrator.
 
-use super::highlight::BulbShows;
 use super::{Tracer, render};
 use crate::film::FilmPixel;
 use crate::geometry::BackendChoice;
@@ -107,7 +106,7 @@ fn traced(drawn: fn(&mut Random) -> (Specification, Material)) -> Found {
         let scene = scene.expect("such a view").expect("a scene");
         let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
         let tracer = Tracer::new(&scene, &reflectance, 1);
-        if matches!(tracer.highlight, BulbShows::Within(_)) {
+        if tracer.highlight.within.is_some() {
             continue;
         }
         let Some(prepared) = PreparedView::new(&scene, &specification) else {

@@ -183,9 +183,11 @@ const ONCE_FAILED: [(u64, u64); 42] = [
 ];
 
 /// The same of searches of the path tracer.
-const TRACED_ONCE_FAILED: [(u64, u64); 1] = [
+const TRACED_ONCE_FAILED: [(u64, u64); 2] = [
     // A bulb 3 mm off a chart of 70 mm, whose lit part few paths from the sample met.
     (20_261_141, 535),
+    // A sphere in a pixel that sees no more of its lit side than a thin crescent.
+    (20_261_142, 2601),
 ];
 
 #[test]
