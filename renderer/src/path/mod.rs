@@ -10,7 +10,7 @@
 //!   that meets the bulb adds nothing.
 //! - From one surface a path can only go on to the other. Some directions follow the surface's own
 //!   density and some are aimed at the other surface, weighed by the balance heuristic (Veach and
-//!   Guibas 1995).
+//!   Guibas 1995). Of these, half go to where a near bulb lights it (`lit`).
 //!
 //! `interval` states the error. For curved samples `counts` chooses how many paths a pixel gets, and
 //! `worked_out` spares them the bulb.
@@ -110,8 +110,8 @@ pub struct Tracer<'a> {
     inside_bulb: Outline,
     /// Where the bulb shows in the sample.
     highlight: BulbShows,
-    /// Whether the sample is curved and few pixels see it: one may be lit on a sliver.
-    curves_in_pixels: bool,
+    /// How many pixels the box about a curved sample has; `None` of another.
+    curved_in: Option<f64>,
     /// The chart, and a flat sample, if the bulb lights them unevenly.
     lit: [Option<Lit>; 2],
     /// What each pixel may see of a mesh, where the sample is one.
@@ -177,9 +177,12 @@ impl Part {
     }
 }
 
-/// Of a curved sample that fewer pixels see each pixel is looked at for how bright it is where: of a larger one its
-/// neighbours show what lies beside it. Chosen.
-const FEW_PIXELS: f64 = 64.0;
+/// Of a curved sample that fewer pixels see each pixel is looked at for how bright it is where, of a larger one those at
+/// its limb: the neighbours of others show what lies beside them. Chosen.
+const FEW_PIXELS: f64 = 1024.0;
+
+/// So much of a pixel is all of it, but for rounding.
+const WHOLE: f64 = 1.0 - 1e-9;
 
 /// The share of a pixel's part below which the bulb's highlight gets paths of its own.
 const HIGHLIGHT_SHARE_MAX: f64 = 0.25;
@@ -228,7 +231,7 @@ impl<'a> Tracer<'a> {
             outlines,
             inside_bulb,
             highlight,
-            curves_in_pixels: is_curved && box_size <= FEW_PIXELS,
+            curved_in: is_curved.then_some(box_size),
             lit,
             facets: Facets::new(scene, reflectance),
             chart_max,
@@ -275,14 +278,17 @@ impl<'a> Tracer<'a> {
             within,
             mirror_image,
         } = &self.highlight;
-        let most = HIGHLIGHT_SHARE_MAX * area.size();
-        let outlines = within.as_ref();
-        let outlined = outlines.and_then(|outlines| Highlight::within(outlines, pixel, most));
-        if outlined.is_some() || (outlines.is_some() && !self.curves_in_pixels) {
-            return outlined;
+        // A pixel may be lit on a sliver of a curved sample alone.
+        let may_be_sliver = |box_size| box_size <= FEW_PIXELS || area.size() < WHOLE;
+        match within {
+            Some(outlines) if !self.curved_in.is_some_and(may_be_sliver) => {
+                Highlight::within(outlines, pixel, HIGHLIGHT_SHARE_MAX * area.size())
+            }
+            _ => {
+                let brightness = |at| self.brightness(at);
+                cells::of(sample, area, *mirror_image, brightness).and_then(Highlight::new)
+            }
         }
-        let brightness = |at| self.brightness(at);
-        cells::of(sample, area, *mirror_image, brightness).and_then(Highlight::new)
     }
 
     /// At most what a pixel is off by because no path met the gap about the bulb.
