@@ -45,12 +45,12 @@ pub fn add_tile(
             let indices = indices[0]..indices[1];
             let on_whole = integrals.in_row(instructions, of_row, indices, &mut buffer);
             for (column, &value) in whole.clone().zip(on_whole) {
-                let cell = cell(tile, column, row);
+                let cell = cell_of(tile, column, row);
                 let error = error * cell.area() + function_error(&cell).over(cell.area(), value);
                 add_region(canvas, &cell, region, value, error);
             }
             for column in (columns.start..whole.start).chain(whole.end..columns.end) {
-                let cell = cell(tile, column, row);
+                let cell = cell_of(tile, column, row);
                 if let Some((value, area)) =
                     region.integral_of_part(tile, &cell, (column, row), instructions)
                 {
@@ -63,7 +63,7 @@ pub fn add_tile(
 }
 
 /// The part of a pixel that a tile has, which has one.
-fn cell(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
+fn cell_of(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
     let Rectangle { low, high } = tile.rectangle;
     let pixel = Rectangle::pixel(column, row);
     Rectangle {
@@ -76,7 +76,7 @@ impl Region<'_> {
     /// The columns of a row in which a tile's part of the pixel lies inside; of those that may, all between the
     /// outermost do.
     fn whole_cells(&self, tile: &Tile<TERMS>, columns: &Range<u32>, row: u32) -> Range<u32> {
-        let is_whole = |column| self.outline.contains(&cell(tile, column, row));
+        let is_whole = |column| self.outline.contains(&cell_of(tile, column, row));
         let inside = self.by_pixel.map_or(0..0, |by_pixel| by_pixel.inside(row));
         let known = inside.start.max(columns.start)..inside.end.min(columns.end);
         if known.is_empty() {
