@@ -183,13 +183,15 @@ const ONCE_FAILED: [(u64, u64); 42] = [
 ];
 
 /// The same of searches of the path tracer.
-const TRACED_ONCE_FAILED: [(u64, u64); 4] = [
+const TRACED_ONCE_FAILED: [(u64, u64); 5] = [
     // A bulb 3 mm off a chart of 70 mm, whose lit part few paths from the sample met.
     (20_261_141, 535),
     // A sphere in a pixel that sees no more of its lit side than a thin crescent.
     (20_261_142, 2601),
     // A mirror's highlight on a cylinder, longer than its outline about the mirror image.
     (20_261_143, 38),
+    // The bulb in a highly anisotropic mirror near the horizon: its tail lies beside what is brightest by the angle.
+    (20_261_143, 2923),
     // A sphere's limb, all of whose light lies in a hundredth of a pixel.
     (20_261_144, 2034),
 ];
