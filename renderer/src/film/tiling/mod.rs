@@ -260,7 +260,7 @@ impl<S: Shade> Tiling<'_, S> {
         };
         let steep = match self.fit_error(&tile, (&fit, &values), &rule, is_met, function) {
             Ok(fit_error) => {
-                let error = self.stated(&fit_error, allowed) + missed;
+                let error = self.stated(&fit_error, allowed, &values) + missed;
                 return Growth::Tile(Box::new(tile), error);
             }
             Err(axis) => axis,
@@ -277,12 +277,14 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// What a tile states for its series.
-    fn stated(&self, &FitError { mean, point }: &FitError, allowed: f64) -> f64 {
+    fn stated(&self, error: &FitError, allowed: f64, at_nodes: &Values) -> f64 {
+        let &FitError { mean, point } = error;
         let doubt = self.demand.shares.doubt;
-        // Where the function is not resolved, what a series misses is no ripple from node to node.
+        // Where the function is not resolved, what a series misses is no ripple from node to node. A mean over a pixel
+        // lies among the values on the tile.
         let is_resolved = mean <= RESOLVED * allowed;
         let fit_error = if !is_resolved {
-            point
+            return range(at_nodes).max(doubt * point);
         } else if mean > allowed {
             mean.max(EDGE / doubt * point)
         } else {
@@ -444,6 +446,21 @@ impl<S: Shade> Tiling<'_, S> {
         };
         allowed.max(faint) / self.gain
     }
+}
+
+/// By how much a channel differs over the nodes of a tile at most.
+fn range(at_nodes: &Values) -> f64 {
+    let ends = |channel: usize| {
+        let values = at_nodes.iter().flatten().map(|value| value[channel]);
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+            [low.min(value), high.max(value)]
+        })
+    };
+    let ranges = [0, 1, 2].map(|channel| {
+        let [low, high] = ends(channel);
+        high - low
+    });
+    ranges.into_iter().fold(0.0, f64::max)
 }
 
 /// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there
