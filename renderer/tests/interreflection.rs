@@ -241,6 +241,13 @@ fn scene_and_view(specification: &Specification) -> (Scene, PreparedView) {
     (scene, prepared)
 }
 
+/// The points of a chart of these sides that are looked at, and their numbers.
+fn points_of([width, height]: [f64; 2]) -> Vec<([f64; 2], u32)> {
+    let rows = UP.iter().map(|up| up * height);
+    let points = rows.flat_map(|b| ACROSS.iter().map(move |across| [across * width, b]));
+    points.zip(0..).collect()
+}
+
 /// At no point of the chart does the light differ from the path tracer's by more than the stated
 /// error and chance.
 #[test]
@@ -264,17 +271,8 @@ fn stated_errors_hold_in_scenes_far_from_the_preset() {
         };
         let chart = scene.chart.as_ref().expect("a chart");
         let plane = chart.plane();
-        let [width, height] = plane.size();
         let (mut worst, mut most) = (0.0f64, 0.0f64);
-        let points: Vec<([f64; 2], u32)> = UP
-            .iter()
-            .flat_map(|up| {
-                ACROSS
-                    .iter()
-                    .map(move |across| [across * width, up * height])
-            })
-            .zip(0..)
-            .collect();
+        let points = points_of(plane.size());
         let traced: Vec<_> = points
             .par_iter()
             .map(|&([a, b], index)| {

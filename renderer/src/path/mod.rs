@@ -366,11 +366,7 @@ impl<'a> Tracer<'a> {
                 break;
             }
             let point = sampler.point(Dimension::Scatter(bounce), index);
-            let [chart, sample] = &self.lit;
-            let lit = match surface.thing {
-                Thing::Sample => chart.as_ref(),
-                _ => sample.as_ref(),
-            };
+            let lit = self.lit_facing(surface.thing);
             let continuation = Continuation::new(&surface, &bsdf, facing, lit, wo, bounce);
             let Some(continuation) = continuation else {
                 break;
@@ -403,6 +399,15 @@ impl<'a> Tracer<'a> {
             surface = next;
         }
         sum
+    }
+
+    /// What faces a surface, if the bulb lights it unevenly.
+    fn lit_facing(&self, thing: Thing) -> Option<&Lit> {
+        let [chart, sample] = &self.lit;
+        match thing {
+            Thing::Sample => chart.as_ref(),
+            _ => sample.as_ref(),
+        }
     }
 
     /// The bulb's light off a surface: worked out where that is possible, and else by one sampled point of

@@ -316,8 +316,8 @@ fn most_of_order_2(frame: &Frame<'_>, points: &[[f64; 2]], level: usize) -> f64 
         .fold(0.0, f64::max)
 }
 
-/// What a glance leaves out of a draw, and the most there is at some points, along the sample's side and up the chart
-/// most of all; `None` where a glance does not do.
+/// What a glance leaves out of a draw, and the most light at some points of the chart: drawn ones, others along its
+/// lower edge and others up its middle. `None` where a glance does not do.
 fn left_out_and_most(
     draw: (Specification, Material),
     mut uniform: impl FnMut(f64, f64) -> f64,
@@ -342,7 +342,7 @@ fn left_out_and_most(
     })?
 }
 
-/// By what is seen alone, without a margin, half of the charts hold more light than is stated.
+/// Without a margin a chart holds up to seven times the light that is stated.
 #[test]
 fn a_glance_at_higher_orders_tells_how_dark_they_are() {
     let mut worst = [0.0f64; 3];
