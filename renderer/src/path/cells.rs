@@ -19,11 +19,8 @@ const UNEVEN: f64 = 4.0;
 /// the smallest tolerance.
 const DARK: f64 = 1e-9;
 
-/// The most that cells are cut, each into two or four. Chosen.
+/// The most that cells are cut, each into four. Chosen.
 const CUTS_MAX: usize = 48;
-
-/// Along one axis alone a cell is cut if its brightness changes so many times as much there as along the other. Chosen.
-const STEEPER: f64 = 4.0;
 
 /// Nothing more is cut where what brightness may differ by within cells is such a share of all light. Chosen.
 const EVEN: f64 = 0.25;
@@ -42,8 +39,6 @@ const INWARD: f64 = 1e-3;
 #[derive(Clone, Debug)]
 struct Cell {
     area: Area,
-    /// At [`PLACES`].
-    values: [f64; PLACES.len()],
     mean: f64,
     least: f64,
     most: f64,
@@ -88,45 +83,22 @@ impl<F: Fn([f64; 2]) -> f64> Cutter<'_, F> {
         });
         Cell {
             area,
-            values,
             mean: values.iter().sum::<f64>() / values.len() as f64,
             least,
             most,
         }
     }
 
-    /// The parts of a cell that is cut along these axes.
-    fn parts(&self, cell: &Cell, [across, up]: [bool; 2]) -> impl Iterator<Item = Cell> {
-        let [least, largest] = cell.area.bounds();
+    /// The quarters of the rectangle about an area.
+    fn quarters(&self, area: &Area) -> impl Iterator<Item = Cell> {
+        let [least, largest] = area.bounds();
         let middle = [0, 1].map(|axis| 0.5 * (least[axis] + largest[axis]));
-        let ends = |axis: usize, is_cut: bool| match is_cut {
-            true => vec![[least[axis], middle[axis]], [middle[axis], largest[axis]]],
-            false => vec![[least[axis], largest[axis]]],
-        };
-        let rows = ends(1, up);
-        let rectangles = ends(0, across).into_iter().flat_map(move |[left, right]| {
-            let rows = rows.clone().into_iter();
-            rows.map(move |[top, bottom]| [[left, top], [right, bottom]])
-        });
-        rectangles.filter_map(|rectangle| Some(self.cell(self.outline.within(rectangle)?)))
-    }
-
-    /// Along which axes to cut a cell. Beside a cell that holds the place toward which most light is, light runs on in
-    /// a band, and a cut along the band tells nothing.
-    fn axes(&self, cell: &Cell) -> [bool; 2] {
-        let [least, largest] = cell.area.bounds();
-        let holds = self.toward.map_or([false; 2], |toward| {
-            [0, 1].map(|axis| least[axis] < toward[axis] && toward[axis] < largest[axis])
-        });
-        let [a, b, c, d] = cell.values;
-        let changes = [(b - a).abs() + (d - c).abs(), (c - a).abs() + (d - b).abs()];
-        match holds {
-            [true, true] => [true; 2],
-            _ if changes[0] > STEEPER * changes[1] => [true, false],
-            _ if changes[1] > STEEPER * changes[0] => [false, true],
-            [false, false] => [true; 2],
-            one => one,
-        }
+        let steps = [[0, 0], [1, 0], [0, 1], [1, 1]];
+        steps.into_iter().filter_map(move |steps: [usize; 2]| {
+            let corner = [0, 1].map(|axis| [least, middle][steps[axis]][axis]);
+            let end = [0, 1].map(|axis| [middle, largest][steps[axis]][axis]);
+            Some(self.cell(self.outline.within([corner, end])?))
+        })
     }
 }
 
@@ -143,8 +115,7 @@ pub fn of(
         toward,
         brightness,
     };
-    let whole = cutter.cell(area.clone());
-    let mut cells: Vec<Cell> = cutter.parts(&whole, [true; 2]).collect();
+    let mut cells: Vec<Cell> = cutter.quarters(area).collect();
     let light = |cells: &[Cell]| cells.iter().map(Cell::light).sum::<f64>();
     let most = cells
         .iter()
@@ -161,7 +132,7 @@ pub fn of(
         let by_doubt = |a: &usize, b: &usize| cells[*a].doubt().total_cmp(&cells[*b].doubt());
         let index = (0..cells.len()).max_by(by_doubt)?;
         let cell = cells.swap_remove(index);
-        cells.extend(cutter.parts(&cell, cutter.axes(&cell)));
+        cells.extend(cutter.quarters(&cell.area));
     }
     let lit = cells.into_iter().filter(|cell| cell.most > 0.0);
     let parts = lit.map(|cell| {
