@@ -12,6 +12,7 @@ pub mod film;
 pub mod geometry;
 pub mod hybrid;
 mod numerics;
+mod parallel;
 pub mod path;
 mod phase_time;
 pub mod query;

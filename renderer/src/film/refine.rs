@@ -2,7 +2,7 @@
 
 use super::canvas::Canvas;
 use crate::numerics::polygon::Rectangle;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// A rectangle cut into parts whose sides are at most `side_max`.
 pub fn roots(rectangle: Rectangle, side_max: f64) -> Vec<Rectangle> {
@@ -67,7 +67,8 @@ pub fn refine<B: Default, G: Send>(
     grow: impl Fn(&Canvas<'_>, u64, &Rectangle, &mut B) -> (G, u64) + Sync,
     mut add: impl FnMut(&mut Canvas<'_>, G) -> Option<[Rectangle; 2]>,
 ) -> u64 {
-    let (mut evaluations, mut round) = (0, rounds.next(0));
+    let (mut evaluations, mut dearest) = (0, 0);
+    let mut round = rounds.next(dearest);
     while !open.is_empty() {
         let mut smaller = Vec::new();
         let mut rest = open.as_slice();
@@ -75,18 +76,16 @@ pub fn refine<B: Default, G: Send>(
         while !rest.is_empty() {
             let (tiles, after) = rest.split_at(round.min(rest.len()));
             let (so_far, spent_so_far) = (&*canvas, evaluations);
-            let grown: Vec<(G, u64)> = tiles
-                .par_iter()
-                .map_init(B::default, |buffers, rectangle| {
-                    grow(so_far, spent_so_far, rectangle, buffers)
-                })
-                .collect();
-            let dearest = grown.iter().map(|(_, spent)| *spent).max();
+            let work = |buffers: &mut B, rectangle: &Rectangle| {
+                grow(so_far, spent_so_far, rectangle, buffers)
+            };
+            let grown = parallel::map(tiles, dearest, work, |(_, spent)| *spent);
+            dearest = grown.iter().map(|(_, spent)| *spent).max().unwrap_or(0);
             for (growth, spent) in grown {
                 evaluations += spent;
                 smaller.extend(add(canvas, growth).into_iter().flatten());
             }
-            round = rounds.next(dearest.unwrap_or(0));
+            round = rounds.next(dearest);
             rest = after;
         }
         open = smaller;

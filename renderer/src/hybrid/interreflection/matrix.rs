@@ -9,7 +9,7 @@ use super::sources::{Cell, ChartPoint, cells, chart_points};
 use super::transfer::{Along, LineSums, Receiver};
 use crate::hybrid::budget::interreflection::CELLS;
 use crate::numerics::batch::LANES;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// A node with the rule over the sample by which it receives light: what it takes is known before.
 pub struct Planned {
@@ -112,12 +112,13 @@ impl Planned {
 
 /// The rows of some nodes.
 pub fn rows(frame: &Frame<'_>, planned: &[Planned], points: &Points) -> Vec<Row> {
-    planned
-        .par_iter()
-        .map_init(LineSums::default, |sums, planned| {
-            row(frame, planned, points, sums)
-        })
-        .collect()
+    let work = |sums: &mut LineSums, planned: &Planned| row(frame, planned, points, sums);
+    let likely = planned
+        .iter()
+        .map(|planned| planned.evaluations(points.positions.count()));
+    parallel::map(planned, likely.max().unwrap_or(0), work, |row| {
+        row.evaluations
+    })
 }
 
 fn row(frame: &Frame<'_>, planned: &Planned, points: &Points, sums: &mut LineSums) -> Row {

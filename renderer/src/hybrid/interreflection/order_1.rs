@@ -17,7 +17,7 @@ use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
 use crate::numerics::chebyshev::{Basis, Fit, Tile};
 use crate::numerics::polygon::Rectangle;
-use rayon::prelude::*;
+use crate::parallel;
 
 /// Order 1 on all of the chart.
 #[derive(Debug, Default)]
@@ -99,15 +99,15 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
     };
     let mut open: Vec<Open> = columns(frame).into_iter().map(first).collect();
     let mut resolved = true;
-    let mut missed = 0.0f64;
+    let (mut missed, mut dearest) = (0.0f64, 0);
     while !open.is_empty() {
         let left = EVALUATIONS_MAX.saturating_sub(order_1.evaluations) / open.len() as u64;
-        let fitted: Vec<_> = open
-            .par_iter()
-            .map(|open| (*open, fit(frame, &basis, *open, (share, left), &disc)))
-            .collect();
+        let work =
+            |(): &mut (), open: &Open| (*open, fit(frame, &basis, *open, (share, left), &disc));
+        let fitted = parallel::map(&open, dearest, work, |(_, fitted)| fitted.evaluations);
         open.clear();
         for (from, fitted) in fitted {
+            dearest = dearest.max(fitted.evaluations);
             order_1.evaluations += fitted.evaluations;
             let spent = order_1.evaluations >= EVALUATIONS_MAX;
             let allowed = share * frame.tolerance(&from.rectangle);
@@ -247,12 +247,8 @@ fn spent(values: &[Value]) -> u64 {
 
 /// The values at some nodes by the rules of a level.
 fn values(frame: &Frame<'_>, nodes: &[[f64; 2]], disc: &[[f64; 3]], level: usize) -> Vec<Value> {
-    nodes
-        .par_iter()
-        .map_init(Scratch::default, |scratch, &node| {
-            value(frame, node, disc, level, scratch)
-        })
-        .collect()
+    let work = |scratch: &mut Scratch, node: &[f64; 2]| value(frame, *node, disc, level, scratch);
+    parallel::map(nodes, 0, work, |value| value.evaluations)
 }
 
 /// The irradiance over pi at a position on the tiles.
