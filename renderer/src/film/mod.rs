@@ -8,7 +8,7 @@ pub(crate) mod outline;
 mod pixel;
 mod refine;
 pub(crate) mod region;
-mod tile_nodes;
+pub(crate) mod tile_nodes;
 pub(crate) mod tiling;
 
 use dataset::{ErrorStatistics, specification::Accuracy};

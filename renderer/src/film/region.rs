@@ -3,7 +3,6 @@
 use super::canvas::Canvas;
 use super::demand::FunctionError;
 use super::outline::Outline;
-use super::tile_nodes::TERMS;
 use crate::numerics::chebyshev::Tile;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
@@ -21,7 +20,7 @@ pub struct Region<'a> {
 
 /// Adds the integrals of a tile over the pixels of the regions. The function is off by `error` on it, and on a
 /// part of a pixel by what `function_error` says.
-pub fn add_tile(
+pub fn add_tile<const TERMS: usize>(
     canvas: &mut Canvas<'_>,
     tile: &Tile<TERMS>,
     error: f64,
@@ -63,7 +62,7 @@ pub fn add_tile(
 }
 
 /// The part of a pixel that a tile has, which has one.
-fn cell_of(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
+fn cell_of<const TERMS: usize>(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
     let Rectangle { low, high } = tile.rectangle;
     let pixel = Rectangle::pixel(column, row);
     Rectangle {
@@ -75,7 +74,12 @@ fn cell_of(tile: &Tile<TERMS>, column: u32, row: u32) -> Rectangle {
 impl Region<'_> {
     /// The columns of a row in which a tile's part of the pixel lies inside; of those that may, all between the
     /// outermost do.
-    fn whole_cells(&self, tile: &Tile<TERMS>, columns: &Range<u32>, row: u32) -> Range<u32> {
+    fn whole_cells<const TERMS: usize>(
+        &self,
+        tile: &Tile<TERMS>,
+        columns: &Range<u32>,
+        row: u32,
+    ) -> Range<u32> {
         let is_whole = |column| self.outline.contains(&cell_of(tile, column, row));
         let inside = self.by_pixel.map_or(0..0, |by_pixel| by_pixel.inside(row));
         let known = inside.start.max(columns.start)..inside.end.min(columns.end);
@@ -101,7 +105,7 @@ impl Region<'_> {
 
     /// The integral of a tile over what the region has of its part of a pixel, and how much that is; `None` where it
     /// has nothing.
-    fn integral_of_part(
+    fn integral_of_part<const TERMS: usize>(
         &self,
         tile: &Tile<TERMS>,
         cell: &Rectangle,

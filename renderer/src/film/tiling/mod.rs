@@ -11,13 +11,13 @@ mod shade;
 mod steps;
 
 use super::canvas::{Brightness, Canvas};
-use super::demand::Demand;
+use super::demand::{Demand, Terms};
 use super::outline::Outline;
 use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, add_region, add_tile};
 use super::target;
-use super::tile_nodes::{LINES, NodeValues, TERMS};
+use super::tile_nodes::{FEW, MANY, NodeValues, layout};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::Rectangle;
@@ -41,18 +41,9 @@ const RESOLVED: f64 = 3.0;
 /// side, at 401 places). Its last coefficients do not show it where the edge runs through the middle.
 const EDGE: f64 = 0.7;
 
-/// Points of a tile, -1 to 1 along each side. They lie between the lines of its nodes.
-const BETWEEN: [[f64; 2]; 4] = [[0.38, -0.71], [-0.71, -0.38], [-0.38, 0.71], [0.71, 0.38]];
-
-/// Points on the sides of a tile. They lie between its corners and the lines of its nodes.
-const ON_SIDES: [[f64; 2]; 4] = [[-0.29, -1.0], [1.0, -0.29], [0.29, 1.0], [-1.0, 0.29]];
-
 /// The radius in pixels of the most curved edge that may hide between the nodes of a thin tile. Derived: a bulb's
 /// image is at least four pixels across where tiles hold its light (`hybrid::direct`).
 const ROUND: f64 = 2.0;
-
-/// No two of a tile's nodes along a side lie farther apart than this share of it.
-pub const WIDEST_GAP: f64 = 0.196;
 
 /// The most points that are looked at on a side of a thin tile. A limit on work.
 const LONG_SIDE_MAX: f64 = 100.0;
@@ -82,10 +73,24 @@ pub fn integrate<S: Shade>(
     demand: &Demand<'_>,
     shade: &S,
 ) -> u64 {
+    match demand.terms {
+        Terms::Many => integrate_by::<S, MANY>(canvas, outline, regions, demand, shade),
+        Terms::Few => integrate_by::<S, FEW>(canvas, outline, regions, demand, shade),
+    }
+}
+
+/// The same by series of so many terms.
+fn integrate_by<S: Shade, const TERMS: usize>(
+    canvas: &mut Canvas<'_>,
+    outline: &Outline,
+    regions: &[Region<'_>],
+    demand: &Demand<'_>,
+    shade: &S,
+) -> u64 {
     let Some(bounds) = outline.polygon().bounds().intersection(&canvas.bounds()) else {
         return 0;
     };
-    let tiling = Tiling {
+    let tiling = Tiling::<S, TERMS> {
         before: Brightness::of(canvas),
         outline,
         regions,
@@ -97,7 +102,8 @@ pub fn integrate<S: Shade>(
             .flat_map(|region| region.factor)
             .fold(0.0, f64::max),
     };
-    let side_max = demand.side_max.max(1.0);
+    let denser = layout(MANY).widest_gap / layout(TERMS).widest_gap;
+    let side_max = (denser * demand.side_max).max(1.0);
     let open = match &demand.feature {
         Some(feature) => cut_out(bounds, feature, side_max),
         None => vec![bounds],
@@ -135,7 +141,7 @@ pub fn integrate<S: Shade>(
 }
 
 /// What a rectangle of the film came to.
-enum Growth {
+enum Growth<const TERMS: usize> {
     /// Nothing of the outline is on it.
     Nothing,
     /// A series and the error of the function.
@@ -185,7 +191,7 @@ struct Candidate<'a> {
     effort: Effort,
 }
 
-struct Tiling<'a, S> {
+struct Tiling<'a, S, const TERMS: usize> {
     /// The film as it was.
     before: Brightness,
     outline: &'a Outline,
@@ -196,7 +202,7 @@ struct Tiling<'a, S> {
     gain: f64,
 }
 
-impl<S: Shade> Tiling<'_, S> {
+impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
     /// Works out a rectangle, or halves it where the function is not smooth; also counts
     /// evaluations.
     fn grow(
@@ -204,7 +210,7 @@ impl<S: Shade> Tiling<'_, S> {
         rectangle: &Rectangle,
         effort: Effort,
         scratch: &mut S::Scratch,
-    ) -> (Growth, u64) {
+    ) -> (Growth<TERMS>, u64) {
         if self.outline.polygon().clipped(rectangle).is_empty() {
             return (Growth::Nothing, 0);
         }
@@ -225,7 +231,7 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// Works out a rectangle on which there is something of the outline.
-    fn work_out(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Growth {
+    fn work_out(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Growth<TERMS> {
         let Candidate {
             rectangle,
             before,
@@ -277,7 +283,7 @@ impl<S: Shade> Tiling<'_, S> {
     }
 
     /// What a tile states for its series.
-    fn stated(&self, error: &FitError, allowed: f64, at_nodes: &Values) -> f64 {
+    fn stated(&self, error: &FitError, allowed: f64, at_nodes: &Values<TERMS>) -> f64 {
         let &FitError { mean, point } = error;
         let doubt = self.demand.shares.doubt;
         // Where the function is not resolved, what a series misses is no ripple from node to node. A mean over a pixel
@@ -298,7 +304,7 @@ impl<S: Shade> Tiling<'_, S> {
     fn steep_cross(
         &self,
         candidate: &Candidate<'_>,
-        nodes: &mut NodeValues,
+        nodes: &mut NodeValues<TERMS>,
         function: &mut Counted<'_, S>,
     ) -> Option<usize> {
         let demand = self.demand;
@@ -316,7 +322,7 @@ impl<S: Shade> Tiling<'_, S> {
     fn steep_line(
         &self,
         candidate: &Candidate<'_>,
-        nodes: &mut NodeValues,
+        nodes: &mut NodeValues<TERMS>,
         rule: &Rule,
         function: &mut Counted<'_, S>,
     ) -> Option<usize> {
@@ -336,7 +342,8 @@ impl<S: Shade> Tiling<'_, S> {
             let left_out = self.basis.line_left_out(&values, largest[line[0]]);
             !self.demand.shares.is_met(left_out, rule.own, allowed)
         };
-        LINES.iter().copied().find(is_steep).map(|[axis, _]| axis)
+        let mut lines = layout(TERMS).lines.iter().copied();
+        lines.find(is_steep).map(|[axis, _]| axis)
     }
 
     /// What a tile shows to be off by: what its series leaves out, what steps between its nodes leave open, and what
@@ -345,7 +352,7 @@ impl<S: Shade> Tiling<'_, S> {
     fn fit_error(
         &self,
         tile: &Tile<TERMS>,
-        (fit, at_nodes): (&Fit, &Values),
+        (fit, at_nodes): (&Fit, &Values<TERMS>),
         rule: &Rule,
         is_met: impl Fn(f64) -> bool,
         function: &mut Counted<'_, S>,
@@ -368,16 +375,16 @@ impl<S: Shade> Tiling<'_, S> {
         let kept = shares.apart * tile.kept_in_means();
         // The outermost nodes leave a hundredth of the tile uncovered on each side. An edge that lies
         // there shows at the corners, and the start of a steep rise on the sides.
-        let sides = ON_SIDES.map(|at| tile.rectangle.point(at));
-        let between = BETWEEN.map(|at| tile.rectangle.point(at));
+        let sides = layout(TERMS).on_sides.map(|at| tile.rectangle.point(at));
+        let between = layout(TERMS).between.map(|at| tile.rectangle.point(at));
         let mut apart = 0.0f64;
-        let mut values = [[0.0; 3]; BETWEEN.len()];
+        let mut values = [[0.0; 3]; 4];
         for (at, value) in between.into_iter().zip(&mut values) {
             *value = function.at(at, tolerance);
             apart = apart.max(largest_difference(*value, tile.value(at)));
         }
         let rim = tile.rectangle.corners().into_iter().chain(sides);
-        for at in rim.chain(on_long_sides(&tile.rectangle)) {
+        for at in rim.chain(on_long_sides::<TERMS>(&tile.rectangle)) {
             if !is_met(kept * apart) {
                 return Err(steep);
             }
@@ -449,7 +456,7 @@ impl<S: Shade> Tiling<'_, S> {
 }
 
 /// By how much a channel differs over the nodes of a tile at most.
-fn range(at_nodes: &Values) -> f64 {
+fn range<const TERMS: usize>(at_nodes: &Values<TERMS>) -> f64 {
     let ends = |channel: usize| {
         let values = at_nodes.iter().flatten().map(|value| value[channel]);
         values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
@@ -465,13 +472,15 @@ fn range(at_nodes: &Values) -> f64 {
 
 /// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there
 /// it is as wide as the points lie apart.
-fn on_long_sides(rectangle: &Rectangle) -> impl Iterator<Item = [f64; 2]> + use<> {
+fn on_long_sides<const TERMS: usize>(
+    rectangle: &Rectangle,
+) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
     let (rectangle, sides) = (*rectangle, rectangle.sides());
     let long = usize::from(sides[1] > sides[0]);
     let (length, depth) = (sides[long], sides[1 - long]);
     // A circle that reaches in by so much less than its radius.
     let chord = 0.9 * (8.0 * ROUND * depth).sqrt();
-    let is_thin = depth < ROUND && chord < WIDEST_GAP * length;
+    let is_thin = depth < ROUND && chord < layout(TERMS).widest_gap * length;
     let count = if is_thin {
         (length / chord).min(LONG_SIDE_MAX) as u32 + 1
     } else {

@@ -63,7 +63,7 @@ pub struct AtCorners {
     pub worse_along: usize,
 }
 
-impl<S: Shade> Tiling<'_, S> {
+impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
     /// How fine the function has to be worked out on a rectangle, and what the rule then misses.
     pub(super) fn rule(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Rule {
         let Candidate {

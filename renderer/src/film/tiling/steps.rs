@@ -4,18 +4,18 @@
 //! is misplaced neither the last coefficients tell nor a few points between the nodes: there are places of the step at
 //! which none of them shows it.
 
+use super::Tiling;
 use super::shade::{Counted, Shade};
-use super::{TERMS, Tiling};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::Basis;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 
 /// The values at a tile's nodes, row by row.
-pub type Values = [[[f64; 3]; TERMS]; TERMS];
+pub type Values<const TERMS: usize> = [[[f64; 3]; TERMS]; TERMS];
 
 /// The values on a row or a column of nodes.
-struct Line {
+struct Line<const TERMS: usize> {
     values: [[f64; 3]; TERMS],
     /// The most by which two of them differ.
     range: f64,
@@ -25,9 +25,9 @@ struct Line {
     second: f64,
 }
 
-impl Line {
-    /// From the values, and the lengths of the gaps between the nodes.
-    fn new(values: [[f64; 3]; TERMS], gaps: &[f64; TERMS - 1]) -> Self {
+impl<const TERMS: usize> Line<TERMS> {
+    /// From the values, and the lengths of the gaps between the nodes, as [`shares_of_pixels`] tells them.
+    fn new(values: [[f64; 3]; TERMS], gaps: &[f64; TERMS]) -> Self {
         let most = |pick: fn(f64, f64) -> f64| {
             values[1..].iter().fold(values[0], |most, value| {
                 [0, 1, 2].map(|channel| pick(most[channel], value[channel]))
@@ -39,7 +39,7 @@ impl Line {
             largest: (0, 0.0),
             second: 0.0,
         };
-        for (index, gap) in gaps.iter().enumerate() {
+        for (index, gap) in gaps[..TERMS - 1].iter().enumerate() {
             let step = gap * line.step(values[index], values[index + 1]);
             if step > line.largest.1 {
                 line.second = line.largest.1;
@@ -51,14 +51,14 @@ impl Line {
         line
     }
 
-    /// What is a step of a change between two neighbours. Over one of seven gaps nothing smooth changes by half of all
+    /// What is a step of a change between two neighbours. Over one of several gaps nothing smooth changes by half of all
     /// that it changes by.
     fn step(&self, from: [f64; 3], to: [f64; 3]) -> f64 {
         (largest_difference(from, to) - 0.5 * self.range).max(0.0)
     }
 
     /// The largest step once there is `value` in the middle of its gap. What rises evenly is none.
-    fn looked_at(&self, value: [f64; 3], gaps: &[f64; TERMS - 1]) -> f64 {
+    fn looked_at(&self, value: [f64; 3], gaps: &[f64; TERMS]) -> f64 {
         let (gap, _) = self.largest;
         let halves = [gap, gap + 1].map(|end| self.step(self.values[end], value));
         self.second.max(gaps[gap] * halves[0].max(halves[1]))
@@ -66,19 +66,24 @@ impl Line {
 }
 
 /// All lines of nodes along an axis.
-struct Lines {
+struct Lines<const TERMS: usize> {
     axis: usize,
     /// The nodes' coordinates along either axis.
     nodes: [[f64; TERMS]; 2],
     /// The lengths of the gaps between the nodes, as shares of pixels.
-    gaps: [f64; TERMS - 1],
-    lines: [Line; TERMS],
+    gaps: [f64; TERMS],
+    lines: [Line<TERMS>; TERMS],
     /// How many of them a pixel has, or the smallest part of one.
     on_pixel: f64,
 }
 
-impl Lines {
-    fn new(basis: &Basis<TERMS>, rectangle: &Rectangle, values: &Values, axis: usize) -> Self {
+impl<const TERMS: usize> Lines<TERMS> {
+    fn new(
+        basis: &Basis<TERMS>,
+        rectangle: &Rectangle,
+        values: &Values<TERMS>,
+        axis: usize,
+    ) -> Self {
         let across = 1 - axis;
         let edges = [0, 1].map(|axis| rectangle.pixel_edges(axis));
         let nodes = [0, 1].map(|axis| basis.along(rectangle, axis));
@@ -129,13 +134,13 @@ impl Lines {
     }
 }
 
-impl<S: Shade> Tiling<'_, S> {
+impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
     /// What steps between a tile's nodes leave open of the mean over a pixel, or over a pixel's part of the tile. Looks
     /// between the nodes where so much is not met.
     pub(super) fn left_open_by_steps(
         &self,
         rectangle: &Rectangle,
-        values: &Values,
+        values: &Values<TERMS>,
         is_met: impl Fn(f64) -> bool,
         tolerance: Tolerance,
         function: &mut Counted<'_, S>,
@@ -163,13 +168,15 @@ impl<S: Shade> Tiling<'_, S> {
 }
 
 /// The lengths of the gaps between neighbouring nodes, each as a share of the shortest of the pixels' parts that it
-/// overlaps, and at most 1. `edges` are those of these parts.
-fn shares_of_pixels(nodes: &[f64; TERMS], edges: &[f64]) -> [f64; TERMS - 1] {
-    std::array::from_fn(|index| {
-        let (from, to) = (nodes[index + 1], nodes[index]);
+/// overlaps, and at most 1: one gap less than nodes, and a zero. `edges` are those of these parts.
+fn shares_of_pixels<const TERMS: usize>(nodes: &[f64; TERMS], edges: &[f64]) -> [f64; TERMS] {
+    let mut shares = [0.0; TERMS];
+    for (share, pair) in shares.iter_mut().zip(nodes.windows(2)) {
+        let [to, from] = [pair[0], pair[1]];
         let parts = edges.windows(2);
         let parts = parts.filter(|part| part[0] < to && from < part[1]);
         let shortest = parts.fold(f64::INFINITY, |least, part| least.min(part[1] - part[0]));
-        ((to - from) / shortest).min(1.0)
-    })
+        *share = ((to - from) / shortest).min(1.0);
+    }
+    shares
 }

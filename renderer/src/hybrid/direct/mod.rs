@@ -15,7 +15,7 @@ use super::budget::{LOG_TILING, TILING, tile_pixels};
 use super::view::View;
 use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
-use crate::film::demand::Demand;
+use crate::film::demand::{Demand, Terms};
 use crate::film::log_tiling;
 use crate::film::region::Region;
 use crate::film::tiling;
@@ -60,6 +60,11 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
             &view.budget.bulb
         },
         faint: view.budget.chart.absolute,
+        terms: if is_sharp {
+            Terms::Many
+        } else {
+            view.budget.smooth_terms
+        },
         side_max: feature,
         feature: if is_sharp {
             mirror_image(view, reflectance)

@@ -1,7 +1,8 @@
 //! Edges, tried wherever they may lie.
 
 use super::{Exact, Film, NO_LIMIT, Ramps, Tally, direction};
-use crate::film::tiling::{Shade, WIDEST_GAP};
+use crate::film::tile_nodes::{MANY, layout};
+use crate::film::tiling::Shade;
 use crate::numerics::polygon::Polygon;
 use crate::numerics::tolerance::Tolerance;
 use rand_chacha::ChaCha8Rng;
@@ -53,8 +54,8 @@ impl Stripe {
         let mut second = first;
         let uniform = f64::from(random.next_u32()) / f64::from(u32::MAX);
         let (width, height) = match random.next_u32() % 4 {
-            0 => (side * (WIDEST_GAP + 0.5 * uniform), -1.0),
-            1 => (side * (WIDEST_GAP + 0.5 * uniform), -0.5),
+            0 => (side * (layout(MANY).widest_gap + 0.5 * uniform), -1.0),
+            1 => (side * (layout(MANY).widest_gap + 0.5 * uniform), -0.5),
             2 => (libm::exp10(-2.5 * uniform), 0.5),
             _ => (libm::exp10(-2.5 * uniform), 1.0),
         };
@@ -89,6 +90,7 @@ fn film(side: f64, outline: Polygon, evaluations_max: u64) -> Film {
         side: side.ceil() as u32,
         outline,
         side_max: side,
+        terms: Terms::Many,
         feature: None,
         evaluations_max,
     }

@@ -4,7 +4,7 @@ mod edges;
 
 use super::budget::{Budget, TILING};
 use crate::film::canvas::Canvas;
-use crate::film::demand::Demand;
+use crate::film::demand::{Demand, Terms};
 use crate::film::outline::Outline;
 use crate::film::region::Region;
 use crate::film::tiling::{Shade, integrate};
@@ -267,6 +267,7 @@ struct Film {
     side: u32,
     outline: Polygon,
     side_max: f64,
+    terms: Terms,
     /// Where the function is lit, if not everywhere.
     feature: Option<Rectangle>,
     /// Nothing is refined after so many.
@@ -280,6 +281,7 @@ fn whole_film() -> Film {
         side: SIDE,
         outline: Polygon::quadrilateral([[0.0, 0.0], [side, 0.0], [side, side], [0.0, side]]),
         side_max: side,
+        terms: Terms::Many,
         feature: None,
         evaluations_max: NO_LIMIT,
     }
@@ -326,6 +328,7 @@ impl Tally {
         let demand = Demand {
             accuracy: &Budget::new(&ACCURACY).chart,
             faint: 0.0,
+            terms: film.terms,
             side_max: film.side_max,
             feature: film.feature,
             evaluations_max: film.evaluations_max,
@@ -387,6 +390,7 @@ fn the_tip_of_a_disc_is_found() {
                 [0.0, bottom],
             ]),
             side_max: 3.0 * radius,
+            terms: Terms::Many,
             feature: Some(disc.bounds()),
             evaluations_max: NO_LIMIT,
         };
@@ -547,6 +551,7 @@ fn kinks_are_off_by_no_more_than_stated() {
             [0.7, side - 5.0],
         ]),
         side_max: 16.0,
+        terms: Terms::Many,
         feature: None,
         evaluations_max: NO_LIMIT,
     };

@@ -15,7 +15,7 @@ use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
-use crate::film::demand::{Demand, FunctionError};
+use crate::film::demand::{Demand, FunctionError, Terms};
 use crate::film::region::Region;
 use crate::film::tiling::{Shade, integrate};
 use crate::numerics::channels::largest_difference;
@@ -146,6 +146,7 @@ fn add_wide<const NODES: usize>(
     let demand = Demand {
         accuracy: &accuracy,
         faint: view.budget.chart.absolute,
+        terms: view.budget.smooth_terms,
         side_max,
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
@@ -180,6 +181,7 @@ fn add_glossy<const NODES: usize>(
     let demand = Demand {
         accuracy: &accuracy,
         faint: view.budget.chart.absolute,
+        terms: Terms::Many,
         side_max,
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
