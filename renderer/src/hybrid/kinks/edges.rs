@@ -1,6 +1,7 @@
 //! Edges, tried wherever they may lie.
 
 use super::{Exact, Film, NO_LIMIT, Ramps, Tally, direction};
+use crate::film::demand::Terms;
 use crate::film::tile_nodes::{MANY, layout};
 use crate::film::tiling::Shade;
 use crate::numerics::polygon::Polygon;
@@ -85,12 +86,12 @@ impl Shade for Stripe {
 }
 
 /// A film with something on this outline, in tiles as large as it is.
-fn film(side: f64, outline: Polygon, evaluations_max: u64) -> Film {
+fn film(side: f64, outline: Polygon, terms: Terms, evaluations_max: u64) -> Film {
     Film {
         side: side.ceil() as u32,
         outline,
         side_max: side,
-        terms: Terms::Many,
+        terms,
         feature: None,
         evaluations_max,
     }
@@ -104,11 +105,11 @@ fn square(side: f64) -> Polygon {
 /// What is worked out of many functions on squares, which are seen whole.
 fn tally<E: Exact>(
     side: f64,
-    evaluations_max: u64,
+    (terms, evaluations_max): (Terms, u64),
     mut drawn: impl FnMut(&mut ChaCha8Rng) -> E,
 ) -> Tally {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
-    let film = film(side, square(side), evaluations_max);
+    let film = film(side, square(side), terms, evaluations_max);
     let mut tally = Tally::default();
     for _ in 0..(20_000.0 / side) as u32 {
         tally.add(&film, &drawn(&mut random));
@@ -117,8 +118,8 @@ fn tally<E: Exact>(
 }
 
 /// Edges through squares of so many pixels a side.
-fn edges(side: f64, evaluations_max: u64) -> Tally {
-    tally(side, evaluations_max, |random| {
+fn edges(side: f64, terms: Terms, evaluations_max: u64) -> Tally {
+    tally(side, (terms, evaluations_max), |random| {
         let mut step = Step::drawn(random);
         step.line[2] *= side;
         step
@@ -129,11 +130,19 @@ fn edges(side: f64, evaluations_max: u64) -> Tally {
 /// means of the odd ones.
 #[test]
 fn an_edge_through_a_pixel_is_stated() {
-    for evaluations_max in [0, NO_LIMIT] {
-        let Tally { worst, beyond, .. } = edges(1.0, evaluations_max);
-        assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
+    for terms in TERMS {
+        for evaluations_max in [0, NO_LIMIT] {
+            let Tally { worst, beyond, .. } = edges(1.0, terms, evaluations_max);
+            assert_eq!(
+                beyond, 0,
+                "{terms:?}: off by up to {worst} of what is stated"
+            );
+        }
     }
 }
+
+/// Of the tiles' series.
+const TERMS: [Terms; 2] = [Terms::Many, Terms::Few];
 
 /// Sides of tiles of several pixels, and of parts of pixels.
 const SIDES: [f64; 9] = [0.3, 1.2, 1.5, 2.0, 2.5, 3.0, 5.3, 8.0, 11.5];
@@ -143,11 +152,14 @@ const SIDES: [f64; 9] = [0.3, 1.2, 1.5, 2.0, 2.5, 3.0, 5.3, 8.0, 11.5];
 /// one). Now the worst is off by 0.7 of what it may be.
 #[test]
 fn an_edge_through_several_pixels_is_stated() {
-    for side in SIDES {
-        let Tally { worst, beyond, .. } = edges(side, NO_LIMIT);
+    for (terms, side) in TERMS
+        .into_iter()
+        .flat_map(|terms| SIDES.map(|side| (terms, side)))
+    {
+        let Tally { worst, beyond, .. } = edges(side, terms, NO_LIMIT);
         assert_eq!(
             beyond, 0,
-            "{side}: off by up to {worst} of what it may be off by"
+            "{terms:?}, {side}: off by up to {worst} of what it may be off by"
         );
     }
 }
@@ -156,18 +168,24 @@ fn an_edge_through_several_pixels_is_stated() {
 /// more than it may be on parts of pixels, by up to 2.7 times, and one in 20,000 on larger tiles.
 #[test]
 fn two_edges_are_stated_but_for_few() {
-    for side in SIDES {
+    for (terms, side) in TERMS
+        .into_iter()
+        .flat_map(|terms| SIDES.map(|side| (terms, side)))
+    {
         let drawn = |random: &mut ChaCha8Rng| Stripe::drawn(random, side);
         let Tally {
             worst, beyond, lit, ..
-        } = tally(side, NO_LIMIT, drawn);
+        } = tally(side, (terms, NO_LIMIT), drawn);
         let (one_in, worst_max) = if side < 1.5 {
             (1_000, 2.7)
         } else {
             (15_000, 1.3)
         };
-        assert!(beyond * one_in < lit, "{side}: {beyond} of {lit}");
-        assert!(worst < worst_max, "{side}: {worst}");
+        assert!(
+            beyond * one_in < lit,
+            "{terms:?}, {side}: {beyond} of {lit}"
+        );
+        assert!(worst < worst_max, "{terms:?}, {side}: {worst}");
     }
 }
 
@@ -176,7 +194,11 @@ fn two_edges_are_stated_but_for_few() {
 #[test]
 fn an_edge_beside_an_outline_is_stated() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_128);
-    for side in [1.0, 2.0, 3.0, 5.0, 8.0] {
+    let sides = [1.0, 2.0, 3.0, 5.0, 8.0];
+    for (terms, side) in TERMS
+        .into_iter()
+        .flat_map(|terms| sides.map(|side| (terms, side)))
+    {
         let mut tally = Tally::default();
         for _ in 0..(20_000.0 / side) as u32 {
             let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
@@ -185,14 +207,14 @@ fn an_edge_beside_an_outline_is_stated() {
             let mut step = Step::drawn(&mut random);
             step.line[2] *= side;
             tally.add(
-                &film(side, Polygon::quadrilateral(corners), NO_LIMIT),
+                &film(side, Polygon::quadrilateral(corners), terms, NO_LIMIT),
                 &step,
             );
         }
         let Tally { worst, beyond, .. } = tally;
         assert_eq!(
             beyond, 0,
-            "{side}: off by up to {worst} of what it may be off by"
+            "{terms:?}, {side}: off by up to {worst} of what it may be off by"
         );
     }
 }
