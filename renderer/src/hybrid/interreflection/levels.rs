@@ -19,6 +19,9 @@ impl Series {
     /// The one with the fewest terms.
     pub const FIRST: Self = Self(0);
 
+    /// The one with the most terms.
+    pub const LAST: Self = Self(COUNTS.len() - 1);
+
     /// The one with the next more terms; `None` if there is none.
     pub fn finer(self) -> Option<Self> {
         (self.0 + 1 < COUNTS.len()).then_some(Self(self.0 + 1))

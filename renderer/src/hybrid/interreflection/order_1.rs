@@ -3,15 +3,16 @@
 use super::bulb_arcs::{PlainLineBatch, from_bulb_by_arcs};
 use super::bulb_transfer::{self, BulbRule, from_bulb};
 use super::frame::Frame;
-use super::levels::{TERMS, compared, rule_tolerance};
+use super::levels::{Series, TERMS, compared, rule_tolerance};
 use super::sample_rule::ForBulb;
 use super::sources::disc;
-use super::tiles::{Tiles, columns, halved};
+use super::tiles::{Tiles, columns, halved, lattice};
 use super::transfer::LineSums;
 use super::unresolved::{Unresolved, unresolved_error};
+use crate::film::demand::Terms;
 use crate::hybrid::budget::interreflection::{
-    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, POINT_WIDTHS, RINGS_MAX, RULE_SHARE,
-    SERIES_FIRST, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
+    DISC_SHARE, EVALUATIONS_MAX, HALVINGS_MAX, LEVEL_MAX, OFF_NODES, OFF_NODES_DOUBT, POINT_WIDTHS,
+    RINGS_MAX, RULE_SHARE, SERIES_FIRST, STUCK, STUCK_MISSED, UNRESOLVED_SHARE,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -36,8 +37,10 @@ pub struct Order1 {
 #[derive(Clone, Copy, Debug)]
 struct TileRules {
     rectangle: Rectangle,
+    series: Series,
     level: usize,
     missed: f64,
+    off_nodes: f64,
 }
 
 /// Buffers of a thread.
@@ -62,10 +65,11 @@ struct Value {
 #[derive(Clone, Copy)]
 struct Open {
     rectangle: Rectangle,
+    series: Series,
     depth: u32,
     /// The level of the rules to begin with.
     level: usize,
-    /// What the series of the tile that this is a half of left out.
+    /// What the series of the tile left out that this is a half of, or is again with more terms.
     before: f64,
 }
 
@@ -73,6 +77,8 @@ struct Open {
 struct Fitted {
     tile: Tile<TERMS>,
     fit: Fit,
+    /// What points off its nodes show that its series leaves out.
+    off_nodes: f64,
     level: usize,
     /// What the rules miss against the next finer ones, at the worst of several nodes.
     missed: f64,
@@ -83,7 +89,6 @@ struct Fitted {
 
 /// Works out order 1 in tiles as small as this share of the tolerance asks for.
 pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
-    let basis = Basis::<TERMS>::new();
     let (rings, rings_missed) = rings(frame, share * frame.tolerance(&frame.bounds()));
     let disc = disc(rings);
     let mut order_1 = Order1 {
@@ -91,8 +96,13 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
         ..Order1::default()
     };
     order_1.tiles.everywhere = rings_missed;
+    let series = match frame.view.budget.smooth_terms {
+        Terms::Many => Series::LAST,
+        Terms::Few => Series::FIRST,
+    };
     let first = |rectangle| Open {
         rectangle,
+        series,
         depth: 0,
         level: 0,
         before: f64::INFINITY,
@@ -102,8 +112,7 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
     let (mut missed, mut dearest) = (0.0f64, 0);
     while !open.is_empty() {
         let left = EVALUATIONS_MAX.saturating_sub(order_1.evaluations) / open.len() as u64;
-        let work =
-            |(): &mut (), open: &Open| (*open, fit(frame, &basis, *open, (share, left), &disc));
+        let work = |(): &mut (), open: &Open| (*open, fit(frame, *open, (share, left), &disc));
         let fitted = parallel::map(&open, dearest, work, |(_, fitted)| fitted.evaluations);
         open.clear();
         for (from, fitted) in fitted {
@@ -111,19 +120,21 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
             order_1.evaluations += fitted.evaluations;
             let spent = order_1.evaluations >= EVALUATIONS_MAX;
             let allowed = share * frame.tolerance(&from.rectangle);
-            let fits = fitted.fit.error <= (1.0 - RULE_SHARE) * allowed;
-            if !fits && from.depth < HALVINGS_MAX && !spent {
-                open.extend(halves(from, &fitted));
+            let fits = fitted.left_out() <= (1.0 - RULE_SHARE) * allowed;
+            if !fits && from.may_be_finer() && !spent {
+                open.extend(from.finer(&fitted));
                 continue;
             }
             order_1.largest = order_1.largest.max(fitted.largest);
             missed = missed.max(fitted.missed);
             resolved &= fitted.resolved;
-            let error = fitted.fit.error + fitted.missed;
+            let error = fitted.left_out() + fitted.missed;
             order_1.rules.push(TileRules {
                 rectangle: fitted.tile.rectangle,
+                series: from.series,
                 level: fitted.level,
                 missed: fitted.missed,
+                off_nodes: fitted.off_nodes,
             });
             order_1.tiles.push(fitted.tile, error);
         }
@@ -137,7 +148,6 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
 
 /// Order 1 on the tiles of another and by its rules, which miss as much here as they do there.
 pub fn solve_like(frame: &Frame<'_>, like: &Order1) -> Order1 {
-    let basis = Basis::<TERMS>::new();
     let disc = disc(like.rings);
     let mut order_1 = Order1 {
         rings: like.rings,
@@ -146,13 +156,15 @@ pub fn solve_like(frame: &Frame<'_>, like: &Order1) -> Order1 {
     };
     order_1.tiles.everywhere = like.tiles.everywhere;
     for rules in &like.rules {
-        let nodes: Vec<[f64; 2]> = basis.nodes(&rules.rectangle).collect();
+        let nodes = rules.series.nodes(&rules.rectangle);
         let found = values(frame, &nodes, &disc, rules.level);
         order_1.evaluations += spent(&found);
-        let (tile, fit) = basis.fit(rules.rectangle, found.iter().map(|value| value.light));
+        let light = found.iter().map(|value| value.light);
+        let (tile, fit) = rules.series.fit(rules.rectangle, light);
         let lights = found.iter().map(|value| largest(value.light));
         order_1.largest = lights.fold(order_1.largest, f64::max);
-        order_1.tiles.push(tile, fit.error + rules.missed);
+        let left_out = fit.error.max(rules.off_nodes);
+        order_1.tiles.push(tile, left_out + rules.missed);
     }
     order_1
 }
@@ -179,63 +191,101 @@ fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
     (RINGS_MAX, f64::INFINITY)
 }
 
-/// Both halves of a tile, as they are to be worked out.
-fn halves(from: Open, fitted: &Fitted) -> [Open; 2] {
-    halved(&from.rectangle, fitted.fit.tails).map(|rectangle| Open {
-        rectangle,
-        depth: from.depth + 1,
-        level: fitted.level,
-        before: fitted.fit.error,
-    })
+impl Open {
+    /// Whether it can have more terms or be halved.
+    fn may_be_finer(&self) -> bool {
+        self.series.finer().is_some() || self.depth < HALVINGS_MAX
+    }
+
+    /// What is to take its place where its series left out too much: itself with more terms, or both halves.
+    fn finer(self, fitted: &Fitted) -> Vec<Self> {
+        let next = Self {
+            level: fitted.level,
+            before: fitted.left_out(),
+            ..self
+        };
+        if let Some(series) = self.series.finer() {
+            return vec![Self { series, ..next }];
+        }
+        let halves = halved(&self.rectangle, fitted.fit.tails).into_iter();
+        let half = |rectangle| Self {
+            rectangle,
+            depth: self.depth + 1,
+            ..next
+        };
+        halves.map(half).collect()
+    }
+
+    /// Points at which its series is looked at off its nodes: the last coefficients of few terms tell too little.
+    fn off_nodes(&self, frame: &Frame<'_>) -> Vec<[f64; 2]> {
+        let count = match self.series {
+            Series::LAST => 0,
+            _ => OFF_NODES.div_ceil(columns(frame).len()),
+        };
+        lattice(&self.rectangle).take(count).collect()
+    }
+}
+
+impl Fitted {
+    /// What its series leaves out.
+    fn left_out(&self) -> f64 {
+        self.fit.error.max(self.off_nodes)
+    }
 }
 
 /// A tile with rules as fine as a share of the tolerance asks for and a number of evaluations
 /// allows.
 fn fit(
     frame: &Frame<'_>,
-    basis: &Basis<TERMS>,
     open: Open,
     (share, evaluations_max): (f64, u64),
     disc: &[[f64; 3]],
 ) -> Fitted {
     let allowed = share * frame.tolerance(&open.rectangle);
-    let nodes: Vec<[f64; 2]> = basis.nodes(&open.rectangle).collect();
-    let indices = compared(TERMS);
+    let nodes = open.series.nodes(&open.rectangle);
+    let indices = compared(open.series.terms());
     let compared_nodes = indices.map(|node| nodes[node]);
+    let off_nodes = open.off_nodes(frame);
     let (mut level, mut evaluations) = (open.level, 0);
     loop {
         let coarse = values(frame, &nodes, disc, level);
-        let light = coarse.iter().map(|value| value.light);
-        let (tile, fit) = basis.fit(open.rectangle, light);
-        let may_split = open.depth < HALVINGS_MAX && fit.error > (1.0 - RULE_SHARE) * allowed;
+        let beside = values(frame, &off_nodes, disc, level);
         let finer = values(frame, &compared_nodes, disc, level + 1);
-        let here = spent(&coarse) + spent(&finer);
+        let light = coarse.iter().map(|value| value.light);
+        let (tile, fit) = open.series.fit(open.rectangle, light);
+        let here = spent(&coarse) + spent(&beside) + spent(&finer);
         evaluations += here;
-        let mut missed = 0.0f64;
+        let off = off_nodes.iter().zip(&beside);
+        let off = off.map(|(at, beside)| largest_difference(beside.light, tile.value(*at)));
+        let mut fitted = Fitted {
+            off_nodes: OFF_NODES_DOUBT * off.fold(0.0, f64::max),
+            tile,
+            fit,
+            level,
+            missed: 0.0,
+            largest: coarse
+                .iter()
+                .fold(0.0, |most, v| most.max(largest(v.light))),
+            evaluations,
+            resolved: coarse.iter().chain(&finer).all(|value| value.resolved),
+        };
         for (node, finer) in indices.into_iter().zip(&finer) {
-            missed = missed.max(largest_difference(coarse[node].light, finer.light));
+            let missed = largest_difference(coarse[node].light, finer.light);
+            fitted.missed = fitted.missed.max(missed);
         }
+        let (left_out, missed) = (fitted.left_out(), fitted.missed);
+        let may_split = open.may_be_finer() && left_out > (1.0 - RULE_SHARE) * allowed;
         // What halving does not lessen may be what the rules miss elsewhere than they were compared, if
         // they miss anything there.
         let stuck = level == open.level
-            && fit.error > STUCK * open.before
-            && missed > STUCK_MISSED * fit.error;
-        let split = may_split && fit.error > SERIES_FIRST * missed && !stuck;
+            && left_out > STUCK * open.before
+            && missed > STUCK_MISSED * left_out;
+        let split = may_split && left_out > SERIES_FIRST * missed && !stuck;
         // The next level has up to three times the evaluations.
         let dear = evaluations + 3 * here > evaluations_max;
         let meets = missed <= RULE_SHARE * allowed && !(may_split && stuck);
         if meets || split || level >= LEVEL_MAX || dear {
-            return Fitted {
-                tile,
-                fit,
-                level,
-                missed,
-                largest: coarse
-                    .iter()
-                    .fold(0.0, |most, v| most.max(largest(v.light))),
-                evaluations,
-                resolved: coarse.iter().chain(&finer).all(|value| value.resolved),
-            };
+            return fitted;
         }
         level += 1;
     }
