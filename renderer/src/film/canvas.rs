@@ -31,6 +31,12 @@ impl Canvas<'_> {
         self.pixels[(row * self.width + column) as usize].value
     }
 
+    /// The pixels in some columns of a row.
+    pub fn row(&mut self, row: u32, columns: Range<u32>) -> &mut [FilmPixel] {
+        let index = |column: u32| (row * self.width + column) as usize;
+        &mut self.pixels[index(columns.start)..index(columns.end)]
+    }
+
     /// Adds to a pixel.
     pub fn add(&mut self, (column, row): (u32, u32), value: [f64; 3], error: f64) {
         let pixel = &mut self.pixels[(row * self.width + column) as usize];

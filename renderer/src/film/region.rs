@@ -1,5 +1,6 @@
 //! Parts of the film that multiply a function, and what is added to their pixels.
 
+use super::FilmPixel;
 use super::canvas::Canvas;
 use super::demand::FunctionError;
 use super::outline::Outline;
@@ -43,10 +44,11 @@ pub fn add_tile<const TERMS: usize>(
             let of_row = (row - first_row) as usize;
             let indices = indices[0]..indices[1];
             let on_whole = integrals.in_row(instructions, of_row, indices, &mut buffer);
-            for (column, &value) in whole.clone().zip(on_whole) {
+            let pixels = canvas.row(row, whole.clone());
+            for ((column, pixel), &value) in whole.clone().zip(pixels).zip(on_whole) {
                 let cell = cell_of(tile, column, row);
                 let error = error * cell.area() + function_error(&cell).over(cell.area(), value);
-                add_region(canvas, &cell, region, value, error);
+                region.add_to(pixel, value, error);
             }
             for column in (columns.start..whole.start).chain(whole.end..columns.end) {
                 let cell = cell_of(tile, column, row);
@@ -72,6 +74,15 @@ fn cell_of<const TERMS: usize>(tile: &Tile<TERMS>, column: u32, row: u32) -> Rec
 }
 
 impl Region<'_> {
+    /// Adds an integral of the function, and its error, times the region's factor.
+    fn add_to(&self, pixel: &mut FilmPixel, value: [f64; 3], error: f64) {
+        let gain = self.factor.into_iter().fold(0.0, f64::max);
+        for ((sum, factor), value) in pixel.value.iter_mut().zip(self.factor).zip(value) {
+            *sum += factor * value;
+        }
+        pixel.error += gain * error;
+    }
+
     /// The columns of a row in which a tile's part of the pixel lies inside; of those that may, all between the
     /// outermost do.
     fn whole_cells<const TERMS: usize>(
@@ -131,8 +142,8 @@ pub fn add_region(
     value: [f64; 3],
     error: f64,
 ) {
-    let index = (cell.low[0] as u32, cell.low[1] as u32);
-    let gain = region.factor.into_iter().fold(0.0, f64::max);
-    let scaled = std::array::from_fn(|channel| region.factor[channel] * value[channel]);
-    canvas.add(index, scaled, gain * error);
+    let [column, row] = cell.low.map(|low| low as u32);
+    for pixel in canvas.row(row, column..column + 1) {
+        region.add_to(pixel, value, error);
+    }
 }
