@@ -60,7 +60,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
             &view.budget.bulb
         },
         faint: view.budget.chart.absolute,
-        terms: if is_sharp {
+        terms: if is_sharp || bends(view) {
             Terms::Many
         } else {
             view.budget.smooth_terms
@@ -99,6 +99,20 @@ fn mirror_image(view: &View, reflectance: &Reflectance) -> Option<Rectangle> {
         low: low.map(|low| low - reach),
         high: high.map(|high| high + reach),
     })
+}
+
+/// Whether the camera stands higher than the bulb from a part of the sample, and lower from another: the bulb's light
+/// bends where they stand equally high. Few terms then leave out three times what many do, a thousandth of the light of
+/// the preset's images (measured), for a tenth of the time.
+fn bends(view: &View) -> bool {
+    let half = view.sample_half;
+    let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+    let higher = corners.map(|[x, y]| {
+        let from = Vec3::new(x, y, 0.0);
+        let cosine = |to: Vec3| (to - from).z / (to - from).length();
+        cosine(view.camera.position) > cosine(view.bulb.centre)
+    });
+    higher.contains(&true) && higher.contains(&false)
 }
 
 /// The box on the film around the part of the sample from which the camera stands higher than the lowest point of the
