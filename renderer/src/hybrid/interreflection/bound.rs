@@ -193,9 +193,6 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance, enough: f64) -> f64 {
     let from_sample = view.bulb.radiance * form_factor_max(&frame.chart.plane);
     let mut most = 0.0f64;
     for from in sample_boxes(view.sample_half, along) {
-        if most * from_sample > enough {
-            return f64::INFINITY;
-        }
         let nearest = Bound3([x, y, z].map(|at| [at; 2]));
         let offset2: f64 = (0..3)
             .map(|axis| square(difference(nearest.0[axis], from.0[axis]))[0])
@@ -207,6 +204,9 @@ fn order_1(frame: &Frame<'_>, reflectance: &Reflectance, enough: f64) -> f64 {
             let wo = chart.direction_from(&from);
             let specular = specular_max(reflectance, [wi, wo], 0.0);
             most = most.max(specular * solid_angle);
+            if most * from_sample > enough {
+                return f64::INFINITY;
+            }
         }
     }
     most * from_sample
@@ -223,11 +223,11 @@ fn transfer(frame: &Frame<'_>, reflectance: &Reflectance) -> f64 {
             // Either way round the half vector is the same.
             for wo in &directions[index..] {
                 most = most.max(specular_max(reflectance, [*wi, *wo], least));
-            }
-            // From the sample the chart fills at most a quarter of the sphere; and no more light leaves the sample than
-            // arrives.
-            if most * PI >= 1.0 {
-                return form_factor_max(&frame.chart.plane);
+                // From the sample the chart fills at most a quarter of the sphere; and no more light leaves the sample
+                // than arrives.
+                if most * PI >= 1.0 {
+                    return form_factor_max(&frame.chart.plane);
+                }
             }
         }
     }

@@ -171,10 +171,15 @@ pub fn solve_like(frame: &Frame<'_>, like: &Order1) -> Order1 {
 
 /// How many rings the cubature over the bulb needs, and what it misses against the next finer one.
 fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
-    let basis = Basis::<3>::new();
-    let columns = columns(frame);
-    let nodes = columns.iter().flat_map(|column| basis.nodes(column));
-    let nodes: Vec<[f64; 2]> = nodes.collect();
+    let columns = columns(frame).into_iter();
+    let nodes: Vec<[f64; 2]> = columns
+        .flat_map(|column| -> Vec<[f64; 2]> {
+            match frame.view.budget.smooth_terms {
+                Terms::Many => Basis::<3>::new().nodes(&column).collect(),
+                Terms::Few => Basis::<2>::new().nodes(&column).collect(),
+            }
+        })
+        .collect();
     let first = usize::from(frame.sample.widths_of(&frame.bulb()) > POINT_WIDTHS);
     let mut coarse = values(frame, &nodes, &disc(first), 0);
     for rings in first..RINGS_MAX {
