@@ -36,7 +36,7 @@ pub fn add(
     let demand = Demand {
         accuracy: &accuracy,
         faint: view.budget.chart.absolute,
-        terms: view.budget.smooth_terms,
+        terms: view.budget.smooth_terms(),
         side_max: f64::from(view.size[0]),
         feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),

@@ -63,7 +63,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         terms: if is_sharp || bends(view) {
             Terms::Many
         } else {
-            view.budget.smooth_terms
+            view.budget.smooth_terms()
         },
         side_max: feature,
         feature: if is_sharp {

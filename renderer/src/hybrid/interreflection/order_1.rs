@@ -96,7 +96,7 @@ pub fn solve(frame: &Frame<'_>, share: f64) -> Result<Order1, Unresolved> {
         ..Order1::default()
     };
     order_1.tiles.everywhere = rings_missed;
-    let series = match frame.view.budget.smooth_terms {
+    let series = match frame.view.budget.smooth_terms() {
         Terms::Many => Series::LAST,
         Terms::Few => Series::FIRST,
     };
@@ -174,7 +174,7 @@ fn rings(frame: &Frame<'_>, allowed: f64) -> (usize, f64) {
     let columns = columns(frame).into_iter();
     let nodes: Vec<[f64; 2]> = columns
         .flat_map(|column| -> Vec<[f64; 2]> {
-            match frame.view.budget.smooth_terms {
+            match frame.view.budget.smooth_terms() {
                 Terms::Many => Basis::<3>::new().nodes(&column).collect(),
                 Terms::Few => Basis::<2>::new().nodes(&column).collect(),
             }

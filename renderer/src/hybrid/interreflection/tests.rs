@@ -8,12 +8,14 @@ use super::chart_transfer::{PositionBatch, add_from_chart};
 use super::frame::Frame;
 use super::higher::Higher;
 use super::matrix::{Planned, Points, level_cells, rows};
+use super::order_1;
 use super::sources::disc;
 use super::transfer::{Along, Receiver};
 use crate::geometry::BackendChoice;
 use crate::hybrid::PreparedView;
 use crate::hybrid::budget::interreflection::{
-    EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, GLANCE_MARGIN, HIGHER_SHARE, LEVEL_MAX,
+    COARSE_GLANCE, EVALUATIONS_MAX, FIRST_EVALUATIONS_MAX, GLANCE, HIGHER_SHARE, LEVEL_MAX,
+    ORDER_1_SHARE,
 };
 use crate::numerics::batch::LANES;
 use crate::numerics::channels::{largest, largest_difference};
@@ -305,6 +307,66 @@ fn higher_orders_of_a_far_chart_state_what_they_are_off_by() {
     assert!(worst < 1.5, "{worst}");
 }
 
+/// A share of the tolerance below which no pixel shows an error.
+const NOTICED: f64 = 0.02;
+
+/// Order 1 at shares of the chart's sides for a relative accuracy, and what its tiles state; `None` where it is not
+/// worked out.
+fn order_1_at(
+    (mut specification, material): (Specification, Material),
+    relative: f64,
+    shares: &[[f64; 2]],
+) -> Option<Vec<([f64; 3], f64)>> {
+    specification.accuracy.relative = relative;
+    specification.accuracy.absolute = 0.1 * relative;
+    in_frame((specification, material), |frame| {
+        let order_1 = order_1::solve(frame, ORDER_1_SHARE).ok()?;
+        let Rectangle { low, high } = frame.bounds();
+        let at = |shares: &[f64; 2]| [0, 1].map(|i| low[i] + (high[i] - low[i]) * shares[i]);
+        let found = shares.iter().map(|shares| {
+            let at = at(shares);
+            let part = Rectangle { low: at, high: at };
+            let counts = NOTICED * frame.tolerance(&frame.bounds());
+            (
+                order_1.tiles.value(at),
+                order_1.tiles.error_on(&part).max(counts),
+            )
+        });
+        Some(found.collect())
+    })?
+}
+
+/// Of 400 seeds one point in 480 is off by more than its tile states, by up to 2.0 times. Series of eight terms that are
+/// not looked at off their nodes leave one in 130 so, by up to 2.3 times.
+#[test]
+fn order_1_of_few_terms_states_what_it_is_off_by() {
+    let (mut count, mut off_by_more, mut worst) = (0, 0, 0.0f64);
+    for seed in 0..60 {
+        let mut uniform = draws(seed);
+        let (near, far) = (drawn(&mut uniform), drawn_far(&mut uniform));
+        let shares: Vec<[f64; 2]> = (0..POINTS)
+            .map(|_| [uniform(0.0, 1.0), uniform(0.0, 1.0)])
+            .collect();
+        let relative = libm::exp10(-uniform(1.0, 2.0));
+        for draw in [near, far] {
+            let fine = order_1_at(draw.clone(), 1e-5, &shares);
+            let Some((coarse, fine)) = order_1_at(draw, relative, &shares).zip(fine) else {
+                continue;
+            };
+            for ((value, stated), (exact, missed)) in coarse.into_iter().zip(fine) {
+                let off = largest_difference(value, exact) - missed;
+                count += 1;
+                off_by_more += usize::from(off > stated.max(NOTHING));
+                worst = worst.max(off / stated.max(NOTHING));
+            }
+        }
+    }
+    assert!(
+        count > 2_000 && off_by_more * 200 < count && worst < 2.5,
+        "{off_by_more} of {count}, by up to {worst} times"
+    );
+}
+
 /// The most light of the second order at points of the chart, by the rules of a level.
 fn most_of_order_2(frame: &Frame<'_>, points: &[[f64; 2]], level: usize) -> f64 {
     let (cells, _) = level_cells(frame, level);
@@ -345,23 +407,27 @@ fn left_out_and_most(
 /// Without a margin a chart holds up to seven times the light that is stated.
 #[test]
 fn a_glance_at_higher_orders_tells_how_dark_they_are() {
-    let mut worst = [0.0f64; 3];
-    for seed in 0..80 {
-        let mut uniform = draws(seed);
-        let far = drawn_far(&mut uniform);
-        let mut glossy = drawn(&mut uniform);
-        glossy.1.roughness = uniform(15.0, 60.0);
-        for (worst, draw) in worst.iter_mut().zip([drawn(&mut uniform), far, glossy]) {
-            if let Some([left_out, most]) = left_out_and_most(draw, draws(seed + 1_000)) {
-                *worst = worst.max(most / left_out.max(NOTHING));
+    for (glance, relative, seeds) in [(GLANCE, 1e-3, 80), (COARSE_GLANCE, 0.1, 40)] {
+        let mut worst = [0.0f64; 3];
+        for seed in 0..seeds {
+            let mut uniform = draws(seed);
+            let far = drawn_far(&mut uniform);
+            let mut glossy = drawn(&mut uniform);
+            glossy.1.roughness = uniform(15.0, 60.0);
+            for (worst, mut draw) in worst.iter_mut().zip([drawn(&mut uniform), far, glossy]) {
+                draw.0.accuracy.relative = relative;
+                draw.0.accuracy.absolute = 0.1 * relative;
+                if let Some([left_out, most]) = left_out_and_most(draw, draws(seed + 1_000)) {
+                    *worst = worst.max(most / left_out.max(NOTHING));
+                }
             }
         }
+        let margins = worst.map(|share| share * glance.margin);
+        assert!(
+            worst.iter().all(|share| *share < 0.5) && margins.iter().any(|margin| *margin > 3.0),
+            "up to {margins:?} times what is seen"
+        );
     }
-    let margins = worst.map(|share| share * GLANCE_MARGIN);
-    assert!(
-        worst.iter().all(|share| *share < 0.5) && margins.iter().any(|margin| *margin > 3.0),
-        "up to {margins:?} times what is seen"
-    );
 }
 
 /// Evaluations that the higher orders of a draw take for an accuracy out of reach.

@@ -146,7 +146,7 @@ fn add_wide<const NODES: usize>(
     let demand = Demand {
         accuracy: &accuracy,
         faint: view.budget.chart.absolute,
-        terms: view.budget.smooth_terms,
+        terms: view.budget.smooth_terms(),
         side_max,
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),

@@ -1,7 +1,7 @@
 //! A glance at the orders from 2 on, which may be all that they deserve.
 
 use super::Senders;
-use crate::hybrid::budget::interreflection::{EVALUATIONS_MAX, GLANCE_MARGIN, GLANCES};
+use crate::hybrid::budget::interreflection::EVALUATIONS_MAX;
 use crate::hybrid::interreflection::matrix::{Planned, rows};
 use crate::hybrid::interreflection::tiles::lattice;
 use crate::numerics::channels::largest;
@@ -18,7 +18,8 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
     /// lie between them.
     pub(super) fn glance(&self, allowed: f64) -> Glance {
         let points = self.points(0);
-        let lattice = lattice(&self.frame.bounds()).take(GLANCES);
+        let by = self.frame.view.budget.glance();
+        let lattice = lattice(&self.frame.bounds()).take(by.points);
         let planned: Vec<Planned> = lattice.map(|at| Planned::new(self.frame, at, 0)).collect();
         let mut glance = Glance {
             most: None,
@@ -34,7 +35,7 @@ impl<Order1: Fn([f64; 2]) -> [f64; 3]> Senders<'_, Order1> {
         for planned in planned.chunks(1) {
             for row in rows(self.frame, planned, points) {
                 glance.evaluations += row.evaluations;
-                most = most.max(GLANCE_MARGIN * largest(row.apply(points, |i| points.first(i))));
+                most = most.max(by.margin * largest(row.apply(points, |i| points.first(i))));
                 if most > allowed || !row.resolved {
                     return glance;
                 }
