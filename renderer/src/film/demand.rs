@@ -19,6 +19,8 @@ pub struct Shares {
     /// A pixel's mean is taken to be off by at least this share of what the series of its tile leave out at a
     /// point.
     pub point: f64,
+    /// Of what a tile may miss, the share that it may miss of parts of pixels by the values at their centroids.
+    pub centroids: f64,
     /// Factor on the steps between a tile's nodes, as far as they remain in means over pixels.
     pub step: f64,
     /// The same where the outline cuts the tile: of a pixel that it cuts, too, a step may be a larger share.

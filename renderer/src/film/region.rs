@@ -19,16 +19,25 @@ pub struct Region<'a> {
     pub factor: [f64; 3],
 }
 
-/// Adds the integrals of a tile over the pixels of the regions. The function is off by `error` on it, and on a
+/// A function on a tile.
+pub struct Series<const TERMS: usize> {
+    pub tile: Tile<TERMS>,
+    /// What the tile is off by, and its integrals.
+    pub error: f64,
+    /// Whether parts of pixels are as bright as at their centroids.
+    pub by_centroids: bool,
+}
+
+/// Adds the integrals of a tile over the pixels of the regions. Beside what the tile is off by, the function is off on a
 /// part of a pixel by what `function_error` says.
 pub fn add_tile<const TERMS: usize>(
     canvas: &mut Canvas<'_>,
-    tile: &Tile<TERMS>,
-    error: f64,
+    series: &Series<TERMS>,
     function_error: impl Fn(&Rectangle) -> FunctionError,
     regions: &[Region<'_>],
     instructions: Instructions,
 ) {
+    let Series { tile, error, .. } = series;
     let [columns, rows] = [0, 1].map(|axis| tile.rectangle.pixel_edges(axis));
     let integrals = tile.cell_integrals(&columns, &rows);
     let [first_column, first_row] = tile.rectangle.rounded_out().low.map(|low| low as u32);
@@ -53,7 +62,7 @@ pub fn add_tile<const TERMS: usize>(
             for column in (columns.start..whole.start).chain(whole.end..columns.end) {
                 let cell = cell_of(tile, column, row);
                 if let Some((value, area)) =
-                    region.integral_of_part(tile, &cell, (column, row), instructions)
+                    region.integral_of_part(series, &cell, (column, row), instructions)
                 {
                     let error = error * area + function_error(&cell).over(area, value);
                     add_region(canvas, &cell, region, value, error);
@@ -118,18 +127,19 @@ impl Region<'_> {
     /// has nothing.
     fn integral_of_part<const TERMS: usize>(
         &self,
-        tile: &Tile<TERMS>,
+        series: &Series<TERMS>,
         cell: &Rectangle,
         pixel: (u32, u32),
         instructions: Instructions,
     ) -> Option<([f64; 3], f64)> {
+        let integral = |part: &Polygon| match series.by_centroids {
+            true => series.tile.at_centroid(part),
+            false => series.tile.integral_over(part, instructions),
+        };
         let is_pixel = *cell == Rectangle::pixel(pixel.0, pixel.1);
         match self.by_pixel {
-            Some(by_pixel) if is_pixel => {
-                let cut = by_pixel.cut_pixel(pixel)?;
-                Some(tile.integral_over(&cut.part, instructions))
-            }
-            _ => Some(tile.integral_over(&self.outline.clipped(cell), instructions)),
+            Some(by_pixel) if is_pixel => Some(integral(&by_pixel.cut_pixel(pixel)?.part)),
+            _ => Some(integral(&self.outline.clipped(cell))),
         }
     }
 }

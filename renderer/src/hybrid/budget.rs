@@ -76,6 +76,7 @@ const FEATURE_MIN: f64 = 4.0;
 /// - `cross`, `point`: measured on twelve images with kinks at every pixel, against renderings to a fiftieth of the
 ///   tolerance. With less of `cross`, nodes are worked out of tiles that are halved anyhow; more of `point` gains
 ///   nothing, because the points off the nodes tell what coefficients do not.
+/// - `centroids`: see [`COARSE_CENTROIDS`].
 /// - `step`, `step_at_outline`: chosen, after trying. With 0.7 for both, 10 of 680,000 pixels that an outline cuts were
 ///   off by more than they may be, by up to 1.3 times; with 1, 3; with these none of 4.5 million (`kinks`).
 /// - `apart`: with 1, 18 of 77,800 pixels with kinks along the tiles' sides were off by more than the tolerance, with
@@ -89,12 +90,16 @@ pub const TILING: demand::Shares = demand::Shares {
     beside: 0.1,
     cross: 0.7,
     point: 0.05,
+    centroids: 0.0,
     step: 1.0,
     step_at_outline: 2.0,
     apart: 1.25,
     doubt: 1.7,
     unmet: 3.0,
 };
+
+/// What [`TILING`] has of `centroids` from [`COARSE_TARGET`] on. Chosen. Below that target hardly a tile is smooth enough.
+const COARSE_CENTROIDS: f64 = 0.05;
 
 /// How [`log_tiling`] divides what a tile may miss. Chosen.
 pub const LOG_TILING: log_tiling::Shares = log_tiling::Shares {
@@ -181,6 +186,18 @@ impl Budget {
             Terms::Few
         } else {
             Terms::Many
+        }
+    }
+
+    /// How tiles divide what they may miss.
+    pub fn tiling(&self) -> demand::Shares {
+        demand::Shares {
+            centroids: if self.is_coarse {
+                COARSE_CENTROIDS
+            } else {
+                TILING.centroids
+            },
+            ..TILING
         }
     }
 

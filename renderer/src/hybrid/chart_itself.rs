@@ -1,7 +1,7 @@
 //! The colour chart that the camera sees: a closed form by the bulb, and a series by interreflection.
 
 use super::budget::interreflection::{HIGHER_SHARE, ORDER_1_SHARE};
-use super::budget::{TILING, reflected_chart};
+use super::budget::reflected_chart;
 use super::chart_on_film::ChartOnFilm;
 use super::interreflection::Interreflection;
 use super::view::View;
@@ -41,7 +41,7 @@ pub fn add(
         feature: None,
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        shares: TILING,
+        shares: view.budget.tiling(),
         instructions: view.instructions,
     };
     // Within its share of the target it takes nothing from the tiles, on whatever part of the chart.

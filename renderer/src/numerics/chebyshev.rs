@@ -329,6 +329,33 @@ impl<const TERMS: usize> Tile<TERMS> {
         (sum, area)
     }
 
+    /// By how much the mean over a convex part with such sides may differ from the value at its centroid, at most.
+    ///
+    /// Of a convex part no coordinate has a larger variance than of a rectangle, a twelfth of its side's square, and no
+    /// |T_n| has a larger slope than n^2 nor a larger second derivative than n^2 (n^2 - 1) / 3.
+    pub fn off_at_centroids(&self, sides: [f64; 2]) -> f64 {
+        let whole = self.rectangle.sides();
+        let [across, along] = [0, 1].map(|axis| 2.0 * sides[axis] / whole[axis]);
+        let square = |n: usize| (n * n) as f64;
+        let bend = |n: usize| square(n) * (square(n) - 1.0) / 3.0;
+        let mut sums = [0.0; 3];
+        for (j, line) in self.coefficients.iter().enumerate() {
+            for (i, coefficient) in line.iter().enumerate() {
+                let factor = across * across * bend(i)
+                    + 2.0 * across * along * square(i) * square(j)
+                    + along * along * bend(j);
+                add_scaled(&mut sums, coefficient.map(f64::abs), factor / 24.0);
+            }
+        }
+        sums[0].max(sums[1]).max(sums[2])
+    }
+
+    /// The value at a polygon's centroid times its area, and the area: nearly [`Tile::integral_over`] of a small one.
+    pub fn at_centroid(&self, polygon: &Polygon) -> ([f64; 3], f64) {
+        let (centroid, area) = polygon.centroid();
+        (self.value(centroid).map(|value| area * value), area)
+    }
+
     /// The value at a point.
     pub fn value(&self, at: [f64; 2]) -> [f64; 3] {
         let factors: [[f64; TERMS]; 2] =
@@ -485,6 +512,7 @@ fn antiderivatives<const TERMS: usize>(x: f64) -> [f64; TERMS] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     /// Over cells in any columns, beginning and ending anywhere in the blocks that are worked out together.
     #[test]
@@ -515,6 +543,65 @@ mod tests {
                 assert_eq!(found, expected, "{start}..{end} of row {row}");
             }
         }
+    }
+
+    proptest! {
+        /// Of any series and wherever on the tile the part lies: at most what is said, and at times a third of it.
+        #[test]
+        fn a_part_is_nearly_as_bright_as_at_its_centroid(
+            values in prop::collection::vec(-1.0..1.0f64, 25),
+            corners in prop::array::uniform4(prop::array::uniform2(0.0..1.0f64)),
+            pixel in prop::array::uniform2(0u32..20), sides in prop::array::uniform2(0.5..4.0f64),
+        ) {
+            let rectangle = Rectangle { low: [3.0, 5.0], high: [43.0, 25.0] };
+            let (tile, _) = Basis::<5>::new().fit(rectangle, values.iter().map(|v| [*v, -*v, 0.5]));
+            let low: [f64; 2] = std::array::from_fn(|axis| rectangle.low[axis] + f64::from(pixel[axis].min(16)));
+            // A triangle's and a rectangle's part of a box with such sides.
+            let at = |[x, y]: [f64; 2]| [low[0] + sides[0] * x, low[1] + sides[1] * y];
+            let [[x, y], [w, h], ..] = corners;
+            let (right, top) = (x + w * (1.0 - x), y + h * (1.0 - y));
+            let parts = [
+                [[x, y], [right, y], [right, top], [x, top]],
+                [[0.0, 0.0], [1.0, y], [1.0, y], [x, 1.0]],
+            ];
+            for part in parts {
+                let part = Polygon::quadrilateral(part.map(at));
+                let (exact, area) = tile.integral_over(&part, Instructions::widest());
+                let (found, same) = tile.at_centroid(&part);
+                prop_assert!((area - same).abs() < 1e-9);
+                let bound = tile.off_at_centroids(sides) * area + 1e-12;
+                for (exact, found) in exact.into_iter().zip(found) {
+                    prop_assert!((exact - found).abs() <= bound, "{exact} {found} {bound}");
+                }
+            }
+        }
+    }
+
+    /// The bound is met where one term bends most: T_4 in a corner.
+    #[test]
+    fn what_a_centroid_may_be_off_by_is_no_more_than_it_can_be() {
+        let rectangle = Rectangle {
+            low: [0.0; 2],
+            high: [100.0; 2],
+        };
+        let basis = Basis::<5>::new();
+        let nodes = basis.nodes(&rectangle).map(|[x, _]| [chebyshev_4(x); 3]);
+        let (tile, _) = basis.fit(rectangle, nodes);
+        let corner = Rectangle {
+            low: [99.0, 0.0],
+            high: [100.0, 1.0],
+        };
+        let [[left, bottom], [right, top]] = [corner.low, corner.high];
+        let part =
+            Polygon::quadrilateral([[left, bottom], [right, bottom], [right, top], [left, top]]);
+        let (found, _) = tile.at_centroid(&part);
+        let off = (tile.integral(&corner)[0] - found[0]).abs();
+        let bound = tile.off_at_centroids([1.0; 2]);
+        assert!(off <= bound && off > 0.9 * bound, "{off} {bound}");
+    }
+
+    fn chebyshev_4(x: f64) -> f64 {
+        values::<5>(0.02 * x - 1.0)[4]
     }
 
     #[test]

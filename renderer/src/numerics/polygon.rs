@@ -243,6 +243,29 @@ impl Polygon {
         })
     }
 
+    /// The centroid, and the area. Where that is nothing the centroid is any point.
+    pub fn centroid(&self) -> ([f64; 2], f64) {
+        let Some((&a, others)) = self.corners().split_first() else {
+            return ([0.0; 2], 0.0);
+        };
+        let (mut sums, mut double) = ([0.0; 2], 0.0);
+        for pair in others.windows(2) {
+            let [b, c] = [0, 1].map(|end| [0, 1].map(|axis| pair[end][axis] - a[axis]));
+            let of_triangle = b[0] * c[1] - b[1] * c[0];
+            double += of_triangle;
+            for (axis, sum) in sums.iter_mut().enumerate() {
+                *sum += of_triangle * (b[axis] + c[axis]);
+            }
+        }
+        let per_third = if double > 0.0 {
+            1.0 / (3.0 * double)
+        } else {
+            0.0
+        };
+        let centroid = [0, 1].map(|axis| a[axis] + per_third * sums[axis]);
+        (centroid, 0.5 * double)
+    }
+
     /// The part inside a rectangle.
     pub fn clipped(&self, cell: &Rectangle) -> Self {
         let mut polygon = *self;

@@ -15,7 +15,7 @@ use super::demand::{Demand, Terms};
 use super::outline::Outline;
 use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
-use super::region::{Region, add_region, add_tile};
+use super::region::{Region, Series, add_region, add_tile};
 use super::target;
 use super::tile_nodes::{FEW, MANY, NodeValues, layout};
 use crate::numerics::channels::largest_difference;
@@ -123,10 +123,15 @@ fn integrate_by<S: Shade, const TERMS: usize>(
         |canvas, growth| {
             match growth {
                 Growth::Nothing => {}
-                Growth::Tile(tile, error) => {
+                Growth::Tile(series) => {
                     let function_error = |cell: &Rectangle| shade.function_error(cell);
-                    let instructions = demand.instructions;
-                    add_tile(canvas, &tile, error, function_error, regions, instructions);
+                    add_tile(
+                        canvas,
+                        &series,
+                        function_error,
+                        regions,
+                        demand.instructions,
+                    );
                 }
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {
@@ -144,8 +149,7 @@ fn integrate_by<S: Shade, const TERMS: usize>(
 enum Growth<const TERMS: usize> {
     /// Nothing of the outline is on it.
     Nothing,
-    /// A series and the error of the function.
-    Tile(Box<Tile<TERMS>>, f64),
+    Tile(Box<Series<TERMS>>),
     /// For each region the integral over what it covers, and its error.
     Pixel(Rectangle, Vec<([f64; 3], f64)>),
     /// The function is not smooth on it.
@@ -266,8 +270,14 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         };
         let steep = match self.fit_error(&tile, (&fit, &values), &rule, is_met, function) {
             Ok(fit_error) => {
-                let error = self.stated(&fit_error, allowed, &values) + missed;
-                return Growth::Tile(Box::new(tile), error);
+                let off_at_centroids = tile.off_at_centroids([1.0; 2]);
+                let by_centroids = off_at_centroids < demand.shares.centroids * allowed;
+                let of_parts = if by_centroids { off_at_centroids } else { 0.0 };
+                return Growth::Tile(Box::new(Series {
+                    tile,
+                    error: self.stated(&fit_error, allowed, &values) + missed + of_parts,
+                    by_centroids,
+                }));
             }
             Err(axis) => axis,
         };

@@ -11,7 +11,7 @@ mod tests;
 use super::budget::direct::{
     FINER_PIXELS_MAX, IMAGE_WIDTHS, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
 };
-use super::budget::{LOG_TILING, TILING, tile_pixels};
+use super::budget::{LOG_TILING, tile_pixels};
 use super::view::View;
 use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
@@ -73,7 +73,7 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
         },
         evaluations_max: view.evaluations_max(LIMIT),
         tolerance: view.budget.bulb_linear_rule(),
-        shares: TILING,
+        shares: view.budget.tiling(),
         instructions: view.instructions,
     };
     let regions = [Region {

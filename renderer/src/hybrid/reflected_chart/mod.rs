@@ -8,8 +8,8 @@ mod window;
 
 use super::budget::reflected_chart::PATCHES_MAX;
 use super::budget::{
-    TILING, chart_tile_pixels, edged_tile_pixels, glossy as glossy_budget, is_glossy,
-    patch_tile_pixels, reflected_chart,
+    chart_tile_pixels, edged_tile_pixels, glossy as glossy_budget, is_glossy, patch_tile_pixels,
+    reflected_chart,
 };
 use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
@@ -151,7 +151,7 @@ fn add_wide<const NODES: usize>(
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
-        shares: TILING,
+        shares: view.budget.tiling(),
         instructions: view.instructions,
     };
     let shade = ChartOffWideLobe {
@@ -186,7 +186,7 @@ fn add_glossy<const NODES: usize>(
         feature: detail.feature(side_max.min(longest(view))),
         evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
         tolerance: view.budget.glossy_rule,
-        shares: TILING,
+        shares: view.budget.tiling(),
         instructions: view.instructions,
     };
     let glossy = |chart| GlossyChart::new(chart, reflectance, view.instructions);
