@@ -156,10 +156,12 @@ pub fn least_slope(plane: &ChartPlane, half: f64) -> f64 {
     at_low.min(at_high).max(0.0)
 }
 
+/// Boxes of the sample, those next to the chart first: they send it most.
 fn sample_boxes(half: f64, count: usize) -> Vec<Bound3> {
     let at = |step: usize| half * (2.0 * step as f64 / count as f64 - 1.0);
     let corner = |x: usize, y: usize| Vec3::new(at(x), at(y), 0.0);
     (0..count * count)
+        .rev()
         .map(|index| {
             let (x, y) = (index % count, index / count);
             Bound3::of([corner(x, y), corner(x + 1, y + 1)].into_iter())
@@ -167,7 +169,7 @@ fn sample_boxes(half: f64, count: usize) -> Vec<Bound3> {
         .collect()
 }
 
-/// Boxes of the chart, the lower ones flatter.
+/// Boxes of the chart, the lower ones flatter and last: they stand at the smallest angles.
 fn chart_boxes(frame: &Frame<'_>, [across, up]: [usize; 2]) -> Vec<Bound3> {
     let bounds = frame.bounds();
     let at = |axis: usize, step: usize, count: usize| {
@@ -176,6 +178,7 @@ fn chart_boxes(frame: &Frame<'_>, [across, up]: [usize; 2]) -> Vec<Bound3> {
     };
     let corner = |x: usize, y: usize| frame.point([at(0, x, across), at(1, y, up)]);
     (0..across * up)
+        .rev()
         .map(|index| {
             let (x, y) = (index % across, index / across);
             Bound3::of([corner(x, y), corner(x + 1, y + 1)].into_iter())
