@@ -297,10 +297,10 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         let &FitError { mean, point } = error;
         let doubt = self.demand.shares.doubt;
         // Where the function is not resolved, what a series misses is no ripple from node to node. A mean over a pixel
-        // lies among the values on the tile.
+        // lies among the values on the tile, and of their range the nodes show most.
         let is_resolved = mean <= RESOLVED * allowed;
         let fit_error = if !is_resolved {
-            return range(at_nodes).max(doubt * point);
+            range(at_nodes).max(point)
         } else if mean > allowed {
             mean.max(EDGE / doubt * point)
         } else {

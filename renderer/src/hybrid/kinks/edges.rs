@@ -85,6 +85,49 @@ impl Shade for Stripe {
     }
 }
 
+/// A bump like a normal density.
+struct Bump {
+    centre: [f64; 2],
+    width: f64,
+}
+
+impl Bump {
+    /// On a square of so many pixels a side, so wide that some node of one tile is on it.
+    fn drawn(random: &mut ChaCha8Rng, side: f64) -> Self {
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        Self {
+            centre: [side * uniform(), side * uniform()],
+            width: side * layout(MANY).widest_gap * (0.4 + 0.6 * uniform()),
+        }
+    }
+}
+
+impl Exact for Bump {
+    /// Of a part of a square, which is a rectangle.
+    fn integral(&self, part: &Polygon) -> f64 {
+        let bounds = part.bounds();
+        let along = |axis: usize| {
+            let scaled =
+                |at: f64| (at - self.centre[axis]) / (std::f64::consts::SQRT_2 * self.width);
+            let [low, high] = [bounds.low[axis], bounds.high[axis]].map(|at| libm::erf(scaled(at)));
+            (0.5 * std::f64::consts::PI).sqrt() * self.width * (high - low)
+        };
+        along(0) * along(1)
+    }
+}
+
+impl Shade for Bump {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), at: [f64; 2], _: Tolerance) -> ([f64; 3], u32) {
+        let off = [0, 1].map(|axis| (at[axis] - self.centre[axis]) / self.width);
+        (
+            [libm::exp(-0.5 * (off[0] * off[0] + off[1] * off[1])); 3],
+            1,
+        )
+    }
+}
+
 /// A film with something on this outline, in tiles as large as it is.
 fn film(side: f64, outline: Polygon, terms: Terms, evaluations_max: u64) -> Film {
     Film {
@@ -143,6 +186,18 @@ fn an_edge_through_a_pixel_is_stated() {
 
 /// Of the tiles' series.
 const TERMS: [Terms; 2] = [Terms::Many, Terms::Few];
+
+/// Where no work is left and a peak lies between the nodes, a pixel may lie beyond what they show: with no more than the
+/// range of that two of 320,000 were off by more than stated. In draw 808 of seed 20261150 of the search, if accuracies
+/// are drawn from 0.01 to 0.1, one was by 1.3 times.
+#[test]
+fn a_bump_between_the_nodes_of_a_tile_that_is_given_up_is_stated() {
+    for (terms, side) in [(Terms::Many, 8.0), (Terms::Many, 16.0), (Terms::Few, 16.0)] {
+        let Tally { worst, beyond, .. } =
+            tally(side, (terms, 0), |random| Bump::drawn(random, side));
+        assert_eq!(beyond, 0, "{terms:?}, {side}: off by up to {worst}");
+    }
+}
 
 /// Sides of tiles of several pixels, and of parts of pixels.
 const SIDES: [f64; 9] = [0.3, 1.2, 1.5, 2.0, 2.5, 3.0, 5.3, 8.0, 11.5];
