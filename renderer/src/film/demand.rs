@@ -49,7 +49,7 @@ impl Shares {
 pub enum Terms {
     /// Eight: few tiles and little to be left out.
     Many,
-    /// Five: on a large smooth tile they leave out about a hundredth, for less than half of the nodes.
+    /// Five: for less than half of the nodes they leave out more, up to a thousandth of the light in the preset.
     Few,
 }
 

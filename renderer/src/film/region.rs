@@ -28,8 +28,8 @@ pub struct Series<const TERMS: usize> {
     pub by_centroids: bool,
 }
 
-/// Adds the integrals of a tile over the pixels of the regions. Beside what the tile is off by, the function is off on a
-/// part of a pixel by what `function_error` says.
+/// Adds the integrals of a tile over the pixels of the regions. Beside what the tile is off by, the function is off on
+/// a part of a pixel by what `function_error` says.
 pub fn add_tile<const TERMS: usize>(
     canvas: &mut Canvas<'_>,
     series: &Series<TERMS>,

@@ -100,7 +100,7 @@ pub const TILING: demand::Shares = demand::Shares {
     unmet: 3.0,
 };
 
-/// What [`TILING`] has of `centroids` from [`COARSE_TARGET`] on. Chosen. Below that target hardly a tile is smooth enough.
+/// What [`TILING`] has of `centroids` from [`COARSE_TARGET`] on. Chosen. Below that target few tiles are smooth enough.
 const COARSE_CENTROIDS: f64 = 0.05;
 
 /// How [`log_tiling`] divides what a tile may miss. Chosen.

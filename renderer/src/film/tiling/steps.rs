@@ -51,8 +51,8 @@ impl<const TERMS: usize> Line<TERMS> {
         line
     }
 
-    /// What is a step of a change between two neighbours. Over one of several gaps nothing smooth changes by half of all
-    /// that it changes by.
+    /// What is a step of a change between two neighbours. Over one of several gaps nothing smooth changes by half of
+    /// all that it changes by.
     fn step(&self, from: [f64; 3], to: [f64; 3]) -> f64 {
         (largest_difference(from, to) - 0.5 * self.range).max(0.0)
     }

@@ -336,8 +336,8 @@ fn order_1_at(
     })?
 }
 
-/// Of 400 seeds one point in 480 is off by more than its tile states, by up to 2.0 times. Series of eight terms that are
-/// not looked at off their nodes leave one in 130 so, by up to 2.3 times.
+/// Of 400 seeds one point in 480 is off by more than its tile states, by up to 2.0 times. Series of eight terms that
+/// are not looked at off their nodes leave one in 130 so, by up to 2.3 times.
 #[test]
 fn order_1_of_few_terms_states_what_it_is_off_by() {
     let (mut count, mut off_by_more, mut worst) = (0, 0, 0.0f64);
