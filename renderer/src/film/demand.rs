@@ -1,5 +1,6 @@
 //! What a function of the film asks of its tiling.
 
+use super::tile_nodes::{FEW, MANY, layout};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -51,6 +52,16 @@ pub enum Terms {
     Many,
     /// Five: for less than half of the nodes they leave out more, up to a thousandth of the light in the preset.
     Few,
+}
+
+impl Terms {
+    /// How many times farther apart the nodes of a tile lie than those of one with [`Terms::Many`].
+    pub fn spread(self) -> f64 {
+        match self {
+            Self::Many => 1.0,
+            Self::Few => layout(FEW).widest_gap / layout(MANY).widest_gap,
+        }
+    }
 }
 
 /// What a function may be off by that no rule shows: the smaller of the two, or the one that is a number.

@@ -102,8 +102,7 @@ fn integrate_by<S: Shade, const TERMS: usize>(
             .flat_map(|region| region.factor)
             .fold(0.0, f64::max),
     };
-    let denser = layout(MANY).widest_gap / layout(TERMS).widest_gap;
-    let side_max = (denser * demand.side_max).max(1.0);
+    let side_max = (demand.side_max / demand.terms.spread()).max(1.0);
     let open = match &demand.feature {
         Some(feature) => cut_out(bounds, feature, side_max),
         None => vec![bounds],

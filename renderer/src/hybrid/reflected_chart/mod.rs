@@ -143,12 +143,13 @@ fn add_wide<const NODES: usize>(
     let accuracy = view
         .budget
         .chart_beside(function_error, reflected_chart::SHARE_LEAST);
+    let terms = view.budget.smooth_terms();
     let demand = Demand {
         accuracy: &accuracy,
         faint: view.budget.chart.absolute,
-        terms: view.budget.smooth_terms(),
+        terms,
         side_max,
-        feature: detail.feature(side_max.min(longest(view))),
+        feature: detail.feature(side_max.min(terms.spread() * longest(view))),
         evaluations_max: view.evaluations_max(reflected_chart::LIMIT),
         tolerance: view.budget.wide_rule,
         shares: view.budget.tiling(),
