@@ -7,9 +7,10 @@
 //! comes to the chart, the integrand stays smooth. Intervals are parted where it bends, at three
 //! cosines of the light's direction.
 
+use super::integrals::Integrals;
 use super::lit_chart::{LitChart, polynomial};
 use super::window::Window;
-use crate::numerics::batch::{Batch, FOUR};
+use crate::numerics::batch::FOUR;
 use crate::numerics::elementary::{asinh, exp};
 use crate::numerics::gauss::{GaussRule, POINTS_MAX};
 use crate::numerics::instructions::kernel;
@@ -17,10 +18,6 @@ use crate::numerics::tolerance::Tolerance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
-
-/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
-/// the rule's weight in each channel.
-pub type LightBatch = Batch<6>;
 
 /// Where the integrand bends: at three cosines of the light's direction, on either side.
 const BENDS: usize = 6;
@@ -35,14 +32,14 @@ const POWERS_OF_E: [f64; BENDS] = [0.05, 0.135, 0.37, 2.7, 7.4, 20.0];
 const EXP_MAX: f64 = 600.0;
 
 kernel! {
-    /// Gathers the directions of a product rule from `position`, and the light from them.
+    /// Gathers the directions of a product rule from `position` and the light from them.
     pub fn directions<const NODES: usize>(
         chart: &LitChart<NODES>,
         position: Vec3,
         levels: [f64; 3],
         window: &Window,
         tolerance: Tolerance,
-        batch: &mut LightBatch,
+        integrals: &mut Integrals<'_>,
     ) {
         let plane = &chart.plane;
         let offset = position - plane.corner;
@@ -87,7 +84,7 @@ kernel! {
                     for (s, weight) in rule.on(low, high) {
                         let line = Line::new(plane, row, [height, foot], s, &levels);
                         let weight = weight * line.cos_gamma;
-                        gather_line(chart, position, &line, weight, window, tolerance, batch);
+                        gather_line(chart, position, &line, weight, window, tolerance, integrals);
                     }
                     low = high;
                 }
@@ -105,7 +102,7 @@ fn gather_line<const NODES: usize>(
     weight_s: f64,
     window: &Window,
     tolerance: Tolerance,
-    batch: &mut LightBatch,
+    integrals: &mut Integrals<'_>,
 ) {
     let plane = &chart.plane;
     // From the sample's point to the column's left edge.
@@ -159,7 +156,7 @@ fn gather_line<const NODES: usize>(
                             column[i] = value;
                         }
                     }
-                    batch.push_of_four(points, count);
+                    integrals.push_of_four(points, count);
                 }
                 low = high;
             }

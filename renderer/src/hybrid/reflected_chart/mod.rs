@@ -2,6 +2,7 @@
 
 mod gather;
 pub mod glossy;
+mod integrals;
 pub mod lit_chart;
 mod wide;
 mod window;
@@ -24,8 +25,8 @@ use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-use gather::LightBatch;
 use glossy::GlossyChart;
+use integrals::LightBatch;
 use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC};
 use wide::ChartOffWideLobe;
 

@@ -1,18 +1,18 @@
 //! The chart off a wide lobe, one that is not glossy: a product rule over
 //! the patches.
 
-use super::gather::{self, LightBatch};
+use super::gather;
+use super::integrals::{Integrals, Integrand, LightBatch};
 use super::lit_chart::{LitChart, Missed};
 use super::window::Window;
 use crate::film::demand::FunctionError;
 use crate::film::tiling::Shade;
 use crate::hybrid::view::View;
-use crate::numerics::batch::{LANES, total};
 use crate::numerics::channels::largest_difference;
-use crate::numerics::instructions::{Instructions, kernel};
+use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
-use crate::reflectance::{Reflectance, fresnel, lobe::Lobe, specular};
+use crate::reflectance::{Reflectance, fresnel};
 use crate::vector::Vec3;
 use std::f64::consts::FRAC_1_PI;
 
@@ -96,8 +96,15 @@ fn reflected<const NODES: usize>(
     let response = reflectance.tint_response(wo.z);
     // min(1, cos_i/cos_o) bends, and so does the tint at its knee.
     let [first, second] = fresnel::cosines(response.knee, reflectance.ior);
-    batch.clear();
     let levels = [wo.z, first, second];
+    let integrand = Integrand {
+        wo,
+        lobe: &reflectance.lobe,
+        ior: reflectance.ior,
+        knee: response.knee,
+        instructions,
+    };
+    let mut integrals = Integrals::new(integrand, batch);
     gather::directions(
         instructions,
         chart,
@@ -105,10 +112,10 @@ fn reflected<const NODES: usize>(
         levels,
         &window,
         tolerance,
-        batch,
+        &mut integrals,
     );
-    let (lobe, ior) = (&reflectance.lobe, reflectance.ior);
-    let [fresnel, excess, diffuse] = integrals(instructions, batch, wo, lobe, ior, response.knee);
+    let ([fresnel, excess, diffuse], evaluations) = integrals.finish();
+    let lobe = &reflectance.lobe;
     let share = reflectance.specular_share;
     let specular = share * 0.25 * FRAC_1_PI * lobe.normalization;
     let lambert = (1.0 - share) * FRAC_1_PI;
@@ -116,49 +123,7 @@ fn reflected<const NODES: usize>(
         let tinted = response.at_moments(fresnel[channel], excess[channel])[channel];
         specular * tinted + lambert * reflectance.rgb0[channel] * diffuse[channel]
     });
-    (radiance, batch.count() as u32)
-}
-
-kernel! {
-    /// In each channel the integrals of the light times the lobe's power, cos_i / (|h| max(cos_i,
-    /// cos_o)) and Fresnel's reflectance; of the same with what that exceeds the tint's knee by;
-    /// and of the light times cos_i.
-    pub fn integrals(
-        batch: &LightBatch,
-        wo: Vec3,
-        lobe: &Lobe,
-        ior: f64,
-        knee: f64,
-    ) -> [[f64; 3]; 3] {
-        let exponents = [lobe.n_u, lobe.n_v];
-        // The lobe's axes in the world's frame.
-        let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
-        let mut sums = [[[0.0; LANES]; 3]; 3];
-        for [x, y, z, r, g, b] in batch.blocks() {
-            let mut terms = [[0.0; LANES]; 3];
-            for i in 0..LANES {
-                let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
-                let hu = u.x * hx + u.y * hy;
-                let hv = u.x * hy - u.y * hx;
-                let half2 = [hu * hu, hv * hv, hz * hz];
-                let cos_i = z[i];
-                let larger = if cos_i > wo.z { cos_i } else { wo.z };
-                let value = specular::at_half_vector(1.0, exponents, half2, cos_i, larger);
-                let [fresnel, beyond] = specular::fresnel_moments(cos_i, ior, knee);
-                terms[0][i] = value * fresnel;
-                terms[1][i] = value * beyond;
-                terms[2][i] = cos_i;
-            }
-            for (sums, term) in sums.iter_mut().zip(&terms) {
-                for (sum, light) in sums.iter_mut().zip([r, g, b]) {
-                    for i in 0..LANES {
-                        sum[i] += term[i] * light[i];
-                    }
-                }
-            }
-        }
-        sums.map(|channels| channels.map(total))
-    }
+    (radiance, evaluations)
 }
 
 #[cfg(test)]

@@ -1,0 +1,121 @@
+//! The integrals of light over the directions of a cubature, for a lobe that is not glossy.
+
+use crate::numerics::batch::{Batch, FOUR, LANES, total};
+use crate::numerics::instructions::{Instructions, kernel};
+use crate::reflectance::{lobe::Lobe, specular};
+use crate::vector::Vec3;
+
+/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
+/// the rule's weight in each channel.
+pub type LightBatch = Batch<6>;
+
+/// Directions that are gathered before the light from them is added up: a narrow lobe beside many patches has
+/// tens of thousands, which took megabytes. Chosen so that a batch stays in the nearest cache.
+const FULL: usize = 512;
+
+/// What the light is multiplied by.
+pub struct Integrand<'a> {
+    pub wo: Vec3,
+    pub lobe: &'a Lobe,
+    pub ior: f64,
+    pub knee: f64,
+    pub instructions: Instructions,
+}
+
+/// In each channel three integrals, lane by lane.
+type Sums = [[[f64; LANES]; 3]; 3];
+
+/// In each channel the integrals of the light times the lobe's power, cos_i / (|h| max(cos_i, cos_o)) and Fresnel's
+/// reflectance; of the same with what that exceeds the tint's knee by; and of the light times cos_i.
+pub struct Integrals<'a> {
+    integrand: Integrand<'a>,
+    batch: &'a mut LightBatch,
+    sums: Sums,
+    /// Directions added up.
+    added: usize,
+}
+
+impl<'a> Integrals<'a> {
+    /// Over no directions yet. `batch` is emptied.
+    pub fn new(integrand: Integrand<'a>, batch: &'a mut LightBatch) -> Self {
+        batch.clear();
+        Self {
+            integrand,
+            batch,
+            sums: Sums::default(),
+            added: 0,
+        }
+    }
+
+    /// Takes the first `count` of four directions in. The others must be finite and weigh nothing.
+    #[inline(always)]
+    pub fn push_of_four(&mut self, points: [[f64; FOUR]; 6], count: usize) {
+        self.batch.push_of_four(points, count);
+        if self.batch.count() >= FULL {
+            self.add_whole_blocks();
+        }
+    }
+
+    /// The integrals, and over how many directions.
+    pub fn finish(mut self) -> ([[f64; 3]; 3], u32) {
+        let count = self.batch.count();
+        self.add(count.div_ceil(LANES));
+        let count = self.added + count;
+        (self.sums.map(|channels| channels.map(total)), count as u32)
+    }
+
+    /// Adds up what fills blocks. Which directions share a lane does not depend on when that happens.
+    #[inline(never)]
+    fn add_whole_blocks(&mut self) {
+        let blocks = self.batch.count() / LANES;
+        self.add(blocks);
+        self.batch.drop_blocks(blocks);
+        self.added += blocks * LANES;
+    }
+
+    fn add(&mut self, blocks: usize) {
+        let Integrand { instructions, .. } = self.integrand;
+        add(
+            instructions,
+            self.batch,
+            blocks,
+            &self.integrand,
+            &mut self.sums,
+        );
+    }
+}
+
+kernel! {
+    /// Adds up the first blocks of a batch.
+    pub fn add(batch: &LightBatch, blocks: usize, integrand: &Integrand<'_>, sums: &mut Sums) {
+        let &Integrand { wo, lobe, ior, knee, .. } = integrand;
+        let exponents = [lobe.n_u, lobe.n_v];
+        // The lobe's axes in the world's frame.
+        let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
+        let mut added = *sums;
+        for [x, y, z, r, g, b] in batch.blocks().take(blocks) {
+            let mut terms = [[0.0; LANES]; 3];
+            for i in 0..LANES {
+                let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
+                let hu = u.x * hx + u.y * hy;
+                let hv = u.x * hy - u.y * hx;
+                let half2 = [hu * hu, hv * hv, hz * hz];
+                let cos_i = z[i];
+                let larger = if cos_i > wo.z { cos_i } else { wo.z };
+                let value = specular::at_half_vector(1.0, exponents, half2, cos_i, larger);
+                let [fresnel, beyond] = specular::fresnel_moments(cos_i, ior, knee);
+                terms[0][i] = value * fresnel;
+                terms[1][i] = value * beyond;
+                terms[2][i] = cos_i;
+            }
+            for (sums, term) in added.iter_mut().zip(&terms) {
+                for (sum, light) in sums.iter_mut().zip([r, g, b]) {
+                    for i in 0..LANES {
+                        sum[i] += term[i] * light[i];
+                    }
+                }
+            }
+        }
+        *sums = added;
+    }
+}
