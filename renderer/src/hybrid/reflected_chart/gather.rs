@@ -8,7 +8,7 @@
 //! cosines of the light's direction.
 
 use super::integrals::Integrals;
-use super::lit_chart::{LitChart, polynomial};
+use super::lit_chart::{RadiantChart, polynomial};
 use super::window::Window;
 use crate::numerics::batch::FOUR;
 use crate::numerics::elementary::{asinh, exp};
@@ -34,7 +34,7 @@ const EXP_MAX: f64 = 600.0;
 kernel! {
     /// Gathers the directions of a product rule from `position` and the light from them.
     pub fn directions<const NODES: usize>(
-        chart: &LitChart<NODES>,
+        chart: &RadiantChart<NODES>,
         position: Vec3,
         levels: [f64; 3],
         window: &Window,
@@ -96,7 +96,7 @@ kernel! {
 /// The same for directions of one s.
 #[inline(always)]
 fn gather_line<const NODES: usize>(
-    chart: &LitChart<NODES>,
+    chart: &RadiantChart<NODES>,
     position: Vec3,
     line: &Line,
     weight_s: f64,

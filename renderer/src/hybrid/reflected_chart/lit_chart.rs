@@ -12,7 +12,7 @@ use crate::numerics::elementary::log1p;
 use crate::scene::ChartPlane;
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// The chart with its patches and their light, which is known at `NODES` points across a patch:
+/// The chart with its patches and the light on them, which is known at `NODES` points across a patch:
 /// [`PARABOLA`] or [`QUARTIC`].
 #[derive(Clone, Debug)]
 pub struct LitChart<const NODES: usize> {
@@ -23,13 +23,24 @@ pub struct LitChart<const NODES: usize> {
     /// Reflectance times what `light` gives is a patch's radiance.
     pub patches: Vec<[f64; 3]>,
     /// Irradiance over pi, in units of white, at the nodes of each patch, a row of nodes after the other.
-    light: Vec<[[f64; 3]; NODES]>,
-    /// Radiance there, with a fourth channel that is 0: together a vector.
-    radiance: Vec<[[f64; CHANNELS]; NODES]>,
+    light: Vec<[[f64; CHANNELS]; NODES]>,
     /// How heights are told.
     pub heights: Heights,
 }
 
+/// The light that such a chart sends out.
+#[derive(Clone, Debug)]
+pub struct RadiantChart<const NODES: usize> {
+    /// The chart, parted.
+    pub plane: ChartPlane,
+    /// The chart in whole patches.
+    pub whole_plane: ChartPlane,
+    /// Radiance in units of white, at the nodes of each patch, a row of nodes after the other.
+    radiance: Vec<[[f64; CHANNELS]; NODES]>,
+    heights: Heights,
+}
+
+/// Three channels and one that is 0: together a vector.
 const CHANNELS: usize = 4;
 
 /// Points of a parabola: 0, 1/2 and 1.
@@ -137,6 +148,7 @@ impl Heights {
 }
 
 /// How it is known what polynomials miss.
+#[derive(Clone)]
 pub enum Missed<T> {
     /// Of the chart's radiance, and so of what the sample sends on of it: a sample sends on no more than it gets.
     AtMost(f64),
@@ -183,18 +195,15 @@ impl<const NODES: usize> LitChart<NODES> {
         let count = (plane.columns * plane.rows) as usize;
         let mut patches = Vec::with_capacity(count);
         let nodes = count * Nodes::<NODES>::UP;
-        let (mut light, mut radiance) = (Vec::with_capacity(nodes), Vec::with_capacity(nodes));
+        let mut light = Vec::with_capacity(nodes);
         for index in 0..count {
             let [column, row] = plane.cell(index);
-            let colour = chart.patches[chart.plane.patch(column / parts, row / parts)];
-            patches.push(colour);
+            patches.push(chart.patches[chart.plane.patch(column / parts, row / parts)]);
             let a = f64::from(column) * plane.pitch;
             for up in up {
                 let b = heights.height(row, *up);
                 let here = across.map(|node| irradiance([a + plane.pitch * node, b]));
-                light.push(here);
-                let [red, green, blue] = colour;
-                radiance.push(here.map(|[r, g, b]| [r * red, g * green, b * blue, 0.0]));
+                light.push(here.map(|[r, g, b]| [r, g, b, 0.0]));
             }
         }
         Self {
@@ -202,7 +211,6 @@ impl<const NODES: usize> LitChart<NODES> {
             parts,
             patches,
             light,
-            radiance,
             heights,
         }
     }
@@ -245,6 +253,44 @@ impl<const NODES: usize> LitChart<NODES> {
         self.plane.patch(column, row)
     }
 
+    /// The irradiance over pi on a patch at a height in metres, at its points across.
+    #[inline(always)]
+    pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; NODES] {
+        let first = self.patch(column, row) * Nodes::<NODES>::UP;
+        let light = &self.light[first..first + Nodes::<NODES>::UP];
+        let weights = up_weights::<NODES>(self.heights.within(row, height));
+        let mut across = [[0.0; 3]; NODES];
+        for up in 0..Nodes::<NODES>::UP {
+            for node in 0..NODES {
+                for i in 0..3 {
+                    across[node][i] += weights[up] * light[up][node][i];
+                }
+            }
+        }
+        across
+    }
+}
+
+impl<const NODES: usize> From<LitChart<NODES>> for RadiantChart<NODES> {
+    fn from(chart: LitChart<NODES>) -> Self {
+        let whole_plane = chart.whole_plane();
+        let mut radiance = chart.light;
+        let patches = radiance.chunks_exact_mut(Nodes::<NODES>::UP);
+        for (nodes, [red, green, blue]) in patches.zip(chart.patches) {
+            for [r, g, b, _] in nodes.as_flattened_mut() {
+                (*r, *g, *b) = (*r * red, *g * green, *b * blue);
+            }
+        }
+        Self {
+            plane: chart.plane,
+            whole_plane,
+            radiance,
+            heights: chart.heights,
+        }
+    }
+}
+
+impl<const NODES: usize> RadiantChart<NODES> {
     /// The weights of the nodes up a row of patches, at a height in metres.
     #[inline(always)]
     pub fn weights_up(&self, row: u32, height: f64) -> [f64; UP_MAX] {
@@ -259,7 +305,7 @@ impl<const NODES: usize> LitChart<NODES> {
         row: u32,
         weights: &[f64; UP_MAX],
     ) -> [[f64; 3]; NODES] {
-        let first = self.patch(column, row) * Nodes::<NODES>::UP;
+        let first = self.plane.patch(column, row) * Nodes::<NODES>::UP;
         let radiance = &self.radiance[first..first + Nodes::<NODES>::UP];
         let mut across = [[0.0; CHANNELS]; NODES];
         for (weight, radiance) in weights.iter().zip(radiance) {
@@ -269,23 +315,6 @@ impl<const NODES: usize> LitChart<NODES> {
             }
         }
         across.map(|[r, g, b, _]| [r, g, b])
-    }
-
-    /// The irradiance over pi on a patch at a height in metres, at its points across.
-    #[inline(always)]
-    pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; NODES] {
-        let first = self.patch(column, row) * Nodes::<NODES>::UP;
-        let light = &self.light[first..first + Nodes::<NODES>::UP];
-        let weights = self.weights_up(row, height);
-        let mut across = [[0.0; 3]; NODES];
-        for up in 0..Nodes::<NODES>::UP {
-            for node in 0..NODES {
-                for i in 0..3 {
-                    across[node][i] += weights[up] * light[up][node][i];
-                }
-            }
-        }
-        across
     }
 }
 

@@ -27,7 +27,7 @@ use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 use glossy::GlossyChart;
 use integrals::LightBatch;
-use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC};
+use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC, RadiantChart};
 use wide::ChartOffWideLobe;
 
 /// Adds the chart in the sample to the film; returns evaluations.
@@ -44,15 +44,23 @@ pub fn add(
         interreflection,
     };
     let error = interreflection.function_error();
+    let glossy = |chart| GlossyChart::new(&chart, reflectance, view.instructions);
     match (is_glossy(reflectance), light.by_parabolas_on_patches()) {
-        (false, Some(parabolas)) => add_wide(view, canvas, &parabolas, error, reflectance),
-        (false, None) => add_wide(view, canvas, &light.told::<QUARTIC>(), error, reflectance),
+        (false, Some(parabolas)) => {
+            add_wide(view, canvas, &parabolas.map(Into::into), error, reflectance)
+        }
+        (false, None) => {
+            let quartics = light.told(RadiantChart::<QUARTIC>::from);
+            add_wide(view, canvas, &quartics, error, reflectance)
+        }
         (true, Some(parabolas)) => {
-            add_glossy(view, canvas, (&parabolas, &parabolas), error, reflectance)
+            let charts = (parabolas.clone().map(glossy), &parabolas.map(Into::into));
+            add_glossy(view, canvas, charts, error, reflectance)
         }
         (true, None) => {
-            let charts = (&light.told::<PARABOLA>(), &light.told::<QUARTIC>());
-            add_glossy(view, canvas, charts, error, reflectance)
+            let parabolas = light.told(glossy);
+            let quartics = light.told(RadiantChart::<QUARTIC>::from);
+            add_glossy(view, canvas, (parabolas, &quartics), error, reflectance)
         }
     }
 }
@@ -65,23 +73,34 @@ struct Light<'a> {
 }
 
 /// The chart with its light told by polynomials.
-struct Told<const NODES: usize> {
-    chart: LitChart<NODES>,
-    missed: Missed<LitChart<NODES>>,
+#[derive(Clone)]
+struct Told<T> {
+    chart: T,
+    missed: Missed<T>,
+}
+
+impl<T> Told<T> {
+    fn map<U>(self, map: impl Fn(T) -> U) -> Told<U> {
+        Told {
+            chart: map(self.chart),
+            missed: self.missed.map(map),
+        }
+    }
 }
 
 impl Light<'_> {
     /// By parabolas on whole patches, if the tolerance lets them.
-    fn by_parabolas_on_patches(&self) -> Option<Told<PARABOLA>> {
-        self.serving(1)
+    fn by_parabolas_on_patches(&self) -> Option<Told<LitChart<PARABOLA>>> {
+        self.serving(1, &|chart| chart)
     }
 
-    /// By polynomials on as few parts as the tolerance asks for.
-    fn told<const NODES: usize>(&self) -> Told<NODES> {
+    /// By polynomials on as few parts as the tolerance asks for, and what `of` makes of them: a chart in many parts
+    /// takes megabytes, which are not kept.
+    fn told<const NODES: usize, T>(&self, of: impl Fn(LitChart<NODES>) -> T) -> Told<T> {
         let patches = self.chart.patches.len() as u32;
         let mut parts = 1;
         loop {
-            if let Some(told) = self.serving(parts) {
+            if let Some(told) = self.serving(parts, &of) {
                 return told;
             }
             if (2 * parts) * (2 * parts) * patches > PATCHES_MAX {
@@ -90,8 +109,8 @@ impl Light<'_> {
             parts *= 2;
         }
         Told {
-            chart: self.in_parts(parts),
-            missed: Missed::Against(self.in_parts(2 * parts)),
+            chart: of(self.in_parts(parts)),
+            missed: Missed::Against(of(self.in_parts(2 * parts))),
         }
     }
 
@@ -102,7 +121,11 @@ impl Light<'_> {
 
     /// By polynomials on such parts of patches, if these miss no more than the tolerance lets them: of the bulb's light
     /// on the chart, and of all.
-    fn serving<const NODES: usize>(&self, parts: u32) -> Option<Told<NODES>> {
+    fn serving<const NODES: usize, T>(
+        &self,
+        parts: u32,
+        of: &impl Fn(LitChart<NODES>) -> T,
+    ) -> Option<Told<T>> {
         let gap = self.interreflection.gap();
         let allowed = self.view.budget.light_on_chart();
         let direct = |at: [f64; 2]| [self.view.bulb_on_chart(&self.chart.plane, at); 3];
@@ -115,10 +138,11 @@ impl Light<'_> {
         if missed > reflected_chart::OFF_SAMPLE_SHARE * allowed {
             return None;
         }
+        let chart = of(chart);
         let missed = if missed <= reflected_chart::STATED_SHARE * allowed {
             Missed::AtMost(missed)
         } else {
-            Missed::Against(self.in_parts(2 * parts))
+            Missed::Against(of(self.in_parts(2 * parts)))
         };
         Some(Told { chart, missed })
     }
@@ -135,11 +159,11 @@ impl Light<'_> {
 fn add_wide<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    Told { chart, missed }: &Told<NODES>,
+    Told { chart, missed }: &Told<RadiantChart<NODES>>,
     function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
-    let detail = Detail::new(view, chart.whole_plane(), reflectance);
+    let detail = Detail::new(view, chart.whole_plane, reflectance);
     let side_max = detail.side_max(view.budget.wide_tile);
     let accuracy = view
         .budget
@@ -171,11 +195,11 @@ fn add_wide<const NODES: usize>(
 fn add_glossy<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    (parabolas, polynomials): (&Told<PARABOLA>, &Told<NODES>),
+    (parabolas, polynomials): (Told<GlossyChart<'_>>, &Told<RadiantChart<NODES>>),
     function_error: FunctionError,
     reflectance: &Reflectance,
 ) -> u64 {
-    let detail = Detail::new(view, parabolas.chart.whole_plane(), reflectance);
+    let detail = Detail::new(view, parabolas.chart.plane, reflectance);
     let side_max = detail.side_max(glossy_budget::TILE);
     let accuracy = view
         .budget
@@ -191,7 +215,6 @@ fn add_glossy<const NODES: usize>(
         shares: view.budget.tiling(),
         instructions: view.instructions,
     };
-    let glossy = |chart| GlossyChart::new(chart, reflectance, view.instructions);
     let wide = ChartOffWideLobe {
         view,
         chart: &polynomials.chart,
@@ -200,8 +223,8 @@ fn add_glossy<const NODES: usize>(
         function_error,
     };
     let shade = ChartOffGlossyLobe {
-        chart: glossy(&parabolas.chart),
-        missed: parabolas.missed.as_ref().map(glossy),
+        chart: parabolas.chart,
+        missed: parabolas.missed,
         wide,
     };
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)

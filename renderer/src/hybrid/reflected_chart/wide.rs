@@ -3,7 +3,7 @@
 
 use super::gather;
 use super::integrals::{Integrals, Integrand, LightBatch};
-use super::lit_chart::{LitChart, Missed};
+use super::lit_chart::{Missed, RadiantChart};
 use super::window::Window;
 use crate::film::demand::FunctionError;
 use crate::film::tiling::Shade;
@@ -19,9 +19,9 @@ use std::f64::consts::FRAC_1_PI;
 /// The chart off a wide lobe.
 pub struct ChartOffWideLobe<'a, const NODES: usize> {
     pub view: &'a View,
-    pub chart: &'a LitChart<NODES>,
+    pub chart: &'a RadiantChart<NODES>,
     /// What its polynomials miss.
-    pub missed: Missed<&'a LitChart<NODES>>,
+    pub missed: Missed<&'a RadiantChart<NODES>>,
     pub reflectance: &'a Reflectance,
     /// What the light on the chart may be off by.
     pub function_error: FunctionError,
@@ -62,7 +62,7 @@ impl<const NODES: usize> Shade for ChartOffWideLobe<'_, NODES> {
 impl<const NODES: usize> ChartOffWideLobe<'_, NODES> {
     fn off(
         &self,
-        chart: &LitChart<NODES>,
+        chart: &RadiantChart<NODES>,
         scratch: &mut LightBatch,
         film_point: [f64; 2],
         tolerance: Tolerance,
@@ -84,7 +84,7 @@ impl<const NODES: usize> ChartOffWideLobe<'_, NODES> {
 /// The chart's light off the sample at `position` toward `wo` (unit, the world's frame), in
 /// units of white, and how many evaluations it took; for a wide lobe.
 fn reflected<const NODES: usize>(
-    chart: &LitChart<NODES>,
+    chart: &RadiantChart<NODES>,
     position: Vec3,
     wo: Vec3,
     reflectance: &Reflectance,
@@ -131,7 +131,7 @@ mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
     use crate::hybrid::PreparedView;
-    use crate::hybrid::reflected_chart::lit_chart::QUARTIC;
+    use crate::hybrid::reflected_chart::lit_chart::{LitChart, QUARTIC};
     use crate::scene::Scene;
     use dataset::{Material, Specification};
     use rand_chacha::ChaCha8Rng;
@@ -173,8 +173,8 @@ mod tests {
                 PreparedView::new(&scene, &specification).expect("a view for hybrid");
             let chart = chart.expect("the chart shows");
             let tolerance = view.budget.wide_rule.finer();
-            let [whole, parts] =
-                [1, 8].map(|parts| LitChart::<QUARTIC>::new(&chart, 0.01, parts, |_| [1.0; 3]));
+            let [whole, parts] = [1, 8]
+                .map(|parts| LitChart::<QUARTIC>::new(&chart, 0.01, parts, |_| [1.0; 3]).into());
             let mut pairs = Vec::new();
             while pairs.len() < 20 {
                 let (position, wo) = view.sample_point([between(0.0, 128.0), between(0.0, 128.0)]);
@@ -227,7 +227,7 @@ mod tests {
         let PreparedView { view, chart } =
             PreparedView::new(&scene, &specification).expect("a view for hybrid");
         let chart = chart.expect("the chart shows");
-        let chart = LitChart::<QUARTIC>::new(&chart, 0.01, 1, |_| [1.0; 3]);
+        let chart = LitChart::<QUARTIC>::new(&chart, 0.01, 1, |_| [1.0; 3]).into();
         for draw in 0..12 {
             let draw = f64::from(draw);
             let material = Material {

@@ -20,7 +20,7 @@ pub struct GlossyChart<'a> {
     pub(super) reflectance: &'a Reflectance,
     pub(super) instructions: Instructions,
     /// The chart, in whole patches.
-    pub(super) plane: ChartPlane,
+    pub plane: ChartPlane,
     /// Reflectances of whole patches.
     pub(super) colours: Vec<[f64; 3]>,
     /// The chart's corner and axes in the lobe's frame, these over the pitch of its patches.
