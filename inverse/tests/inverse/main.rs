@@ -6,7 +6,9 @@
 )]
 
 mod bounds;
+mod campaign;
 mod derivatives;
+mod differences;
 mod refine;
 mod scene;
 mod starts;
