@@ -7,12 +7,101 @@ use dataset::{HARD_CASES, Material, Specification};
 use inverse::{Differentiator, NAMES, PARAMETERS};
 use rayon::prelude::*;
 use renderer::Renderer;
+use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// Derivatives at one accuracy against the reference at a tighter one, over all views of the hard cases
-/// and of materials drawn from the preset. Prints what share of notable derivatives is right to a percent,
-/// by parameter, also of those that the reference itself knows, and what share of all lies within the
-/// stated errors.
+/// How many times views with a miss are taken again, each time to a tenth of the accuracies before.
+const AGAIN_MAX: usize = 2;
+
+/// What differentiates, and what renders the reference.
+struct Bench {
+    differentiator: Differentiator,
+    renderer: Renderer,
+}
+
+impl Bench {
+    fn new(side: u32, [accuracy, tight]: [f64; 2]) -> Self {
+        Self {
+            differentiator: Differentiator::new(&preset(side, accuracy), BACKEND).expect("views"),
+            renderer: Renderer::new(&preset(side, tight), BACKEND).expect("views"),
+        }
+    }
+
+    /// The derivatives of some views of a material by some parameters against the reference, view by view.
+    fn compare(
+        &self,
+        material: &Material,
+        views: &[u32],
+        parameters: &[usize],
+    ) -> Vec<(Place, Comparison)> {
+        let derivatives = self.differentiator.views(material, views);
+        let derivatives = derivatives.expect("derivatives");
+        let rendered = rendered_like(&self.renderer, material, views);
+        let by = |&parameter: &usize| {
+            let step = reference_step(material, parameter);
+            let expected = reference(&rendered, material, parameter, step);
+            let of_view = expected.chunks(expected.len() / views.len());
+            let of_view = derivatives.iter().zip(of_view);
+            let compared = of_view.map(move |(derivatives, expected)| {
+                let found = compare(std::slice::from_ref(derivatives), parameter, expected);
+                ((derivatives.view, parameter), found)
+            });
+            compared.collect::<Vec<_>>()
+        };
+        parameters.iter().flat_map(by).collect()
+    }
+}
+
+/// A view and a parameter.
+type Place = (u32, usize);
+
+/// A notable derivative is off by a percent, or one by more than is stated, or the reference does not know one.
+fn has_miss(found: &Comparison) -> bool {
+    found.beyond_a_percent + found.uncovered > 0 || found.known < found.notable
+}
+
+/// Compares the derivatives of some views of a material by all parameters, and those with a miss again on the finer
+/// benches. Prints what each bench finds, and returns the last of each view and parameter.
+fn examine(
+    benches: &[Bench],
+    (name, material): &(String, Material),
+    views: &[u32],
+) -> BTreeMap<Place, Comparison> {
+    let mut last = BTreeMap::new();
+    let (mut views, mut parameters) = (views.to_vec(), (0..PARAMETERS).collect::<Vec<_>>());
+    for (again, bench) in benches.iter().enumerate() {
+        let begun = Instant::now();
+        let mut all = Comparison::default();
+        let mut missed = Vec::new();
+        for (place, found) in bench.compare(material, &views, &parameters) {
+            let (view, parameter) = place;
+            // What no longer misses stays as it is.
+            if again > 0 && !last.get(&place).is_some_and(has_miss) {
+                continue;
+            }
+            if has_miss(&found) {
+                let by = NAMES[parameter];
+                println!("{name}, view {view}, again {again}, {by}: {found:?}");
+                missed.push(place);
+            }
+            last.insert(place, found);
+            all += found;
+        }
+        let took = begun.elapsed().as_secs_f64();
+        println!("{name}, views {views:?}, again {again} in {took:.0} s: {all:?}");
+        if missed.is_empty() {
+            break;
+        }
+        views.retain(|view| missed.iter().any(|(missed, _)| missed == view));
+        parameters.retain(|parameter| missed.iter().any(|(_, missed)| missed == parameter));
+    }
+    last
+}
+
+/// Derivatives at one accuracy against the reference at another, over all views of the hard cases and of materials
+/// drawn from the preset; where a derivative misses, again at a tenth of both. Prints what share of notable
+/// derivatives is right to a percent, by parameter, also of those that the reference itself knows, and what share of
+/// all lies within the stated errors.
 #[test]
 #[ignore = "takes hours: tests/inverse.sh runs it"]
 fn campaign_of_derivatives() {
@@ -32,39 +121,20 @@ fn campaign_of_derivatives() {
     let work: Vec<(usize, &Vec<u32>)> = (0..cases.len())
         .flat_map(|case| alike.iter().map(move |views| (case, views)))
         .collect();
-    let differentiator = Differentiator::new(&rough, BACKEND).expect("views");
-    let renderer = Renderer::new(&preset(side as u32, tight), BACKEND).expect("views");
-    let examine = |&(case, views): &(usize, &Vec<u32>)| {
-        let (name, material) = &cases[case];
-        let begun = Instant::now();
-        let derivatives = differentiator.views(material, views);
-        let derivatives = derivatives.expect("derivatives");
-        let rendered = rendered_like(&renderer, material, views);
-        let by = |parameter| {
-            let step = reference_step(material, parameter);
-            let expected = reference(&rendered, material, parameter, step);
-            compare(&derivatives, parameter, &expected)
-        };
-        let found: [Comparison; PARAMETERS] = std::array::from_fn(by);
-        for (found, parameter) in found.iter().zip(NAMES) {
-            if found.beyond_a_percent + found.uncovered > 0 {
-                println!("{name}, views {views:?}, {parameter}: {found:?}");
-            }
-        }
-        let mut all = Comparison::default();
-        for found in found {
-            all += found;
-        }
-        let took = begun.elapsed().as_secs_f64();
-        println!("{name}, views {views:?} in {took:.0} s: {all:?}");
-        found
+    let finer = |again: usize| {
+        let share = libm::exp10(-(again as f64));
+        Bench::new(side as u32, [share * accuracy, share * tight])
     };
-    let found: Vec<[Comparison; PARAMETERS]> = work.par_iter().map(examine).collect();
+    let benches: Vec<Bench> = (0..=AGAIN_MAX).map(finer).collect();
+    let found = work.par_iter();
+    let found = found.map(|&(case, views)| examine(&benches, &cases[case], views));
+    let found: Vec<BTreeMap<Place, Comparison>> = found.collect();
     let mut all = Comparison::default();
     for parameter in 0..PARAMETERS {
         let mut sum = Comparison::default();
-        for found in &found {
-            sum += found[parameter];
+        let of_all = found.iter().flatten();
+        for (_, found) in of_all.filter(|((_, of), _)| *of == parameter) {
+            sum += *found;
         }
         println!("{}: {}; {sum:?}", NAMES[parameter], sum.shares());
         all += sum;
