@@ -7,7 +7,9 @@
 # tracer's), and the longest rendering in processor seconds. A draw that takes minutes is reported
 # and left out. BRDFARM_SEED=N repeats a search; RAYON_NUM_THREADS draws are examined at a time.
 #
-#   tests/scenes.sh [--traced] N [FIRST]
+#   tests/scenes.sh [--coarse | --traced] N [FIRST]
+#
+# --coarse draws accuracies from 0.01 to 0.1, where the renderer takes series of fewer terms.
 #
 # --traced draws scenes for the path tracer: small films, 16 to 1,024 paths a pixel, spheres and
 # cylinders among the samples. It states intervals that hold in 95 of 100 pixels; one that is off by
@@ -16,10 +18,16 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 
 search=a_long_search_finds
-if [[ "${1:-}" == --traced ]]; then
-  search=a_long_search_of_the_path_tracer
-  shift
-fi
+case "${1:-}" in
+  --coarse)
+    search=a_long_search_at_coarse_accuracies
+    shift
+    ;;
+  --traced)
+    search=a_long_search_of_the_path_tracer
+    shift
+    ;;
+esac
 count="${1:?how many draws}"
 first="${2:-0}"
 end=$((first + count))

@@ -23,6 +23,11 @@ const TIGHT_SIDE_MAX: u32 = 12;
 /// The largest film, in pixels.
 const PIXELS_MAX: u32 = 1 << 16;
 
+/// The relative accuracies of the search at coarse ones. From the first on, tiles have fewer terms and order 1 fewer
+/// nodes.
+const COARSE_FROM: f64 = 1e-2;
+const COARSE_TO: f64 = 1e-1;
+
 /// Films of traced draws are small: a pixel that sees much is one in which paths miss something.
 const TRACED_SIDE_MAX: u32 = 12;
 
@@ -33,9 +38,27 @@ const CURVED_PATH_SHARE: f64 = 0.5;
 
 /// Draw number `index` of the search that `seed` names.
 pub fn draw(seed: u64, index: u64) -> Case {
+    mostly_worked_out(seed, index, |_, _| ())
+}
+
+/// Draw number `index` of the search at coarse accuracies that `seed` names.
+pub fn draw_coarse(seed: u64, index: u64) -> Case {
+    mostly_worked_out(seed, index, |specification, random| {
+        let relative = random.log_uniform(COARSE_FROM, COARSE_TO);
+        set_accuracy(specification, random, relative);
+    })
+}
+
+/// A case that the hybrid integrator works out, with few exceptions, from a specification that is changed.
+fn mostly_worked_out(
+    seed: u64,
+    index: u64,
+    change: impl Fn(&mut Specification, &mut Random),
+) -> Case {
     let mut random = Random::of_draw(seed, index);
     loop {
-        let specification = near_or_far(&mut random);
+        let mut specification = near_or_far(&mut random);
+        change(&mut specification, &mut random);
         let material = material(&mut random);
         let Ok(case) = Case::admitted(&specification, material) else {
             continue;
@@ -268,10 +291,15 @@ fn elevation(random: &mut Random) -> f64 {
 fn draw_accuracy(specification: &mut Specification, random: &mut Random) {
     let coarse = random.chance(0.8);
     let relative = if coarse {
-        random.log_uniform(1e-4, 1e-1)
+        random.log_uniform(1e-4, COARSE_TO)
     } else {
         random.log_uniform(1e-7, 1e-4)
     };
+    set_accuracy(specification, random, relative);
+}
+
+/// A relative accuracy, or none, and an absolute one in proportion to it.
+fn set_accuracy(specification: &mut Specification, random: &mut Random, relative: f64) {
     let ratio = random.one_of(&[0.01, 0.1, 0.1, 1.0, 10.0]);
     let accuracy = &mut specification.accuracy;
     accuracy.absolute = (relative * ratio).clamp(1e-7, 1.0);

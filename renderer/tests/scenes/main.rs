@@ -30,7 +30,7 @@ use renderer::reflectance::Reflectance;
 use search::{Draw, search};
 use std::path::PathBuf;
 
-/// The default suite's: about a minute.
+/// The default suite's, of each kind: about a minute in all.
 const DRAWS: u64 = 60;
 const SEED: u64 = 13;
 
@@ -74,32 +74,33 @@ fn a_draw_is_a_function_of_seed_and_index() {
     assert_ne!(text(1, 5), text(2, 5));
 }
 
-#[test]
-fn a_short_search_finds_nothing() {
+/// `finer` are the comparisons that are made.
+fn search_shortly(draw: Draw, finer: &'static [Kind]) {
     let seed = variable("BRDFARM_SEED", SEED);
     println!("BRDFARM_SEED={seed}");
     let effort = Effort {
         pixels_max: 8,
         samples_max: 1024,
-        finer: &[Kind::Resolution, Kind::Accuracy],
+        finer,
     };
-    let summary = search(draw::draw, seed, [0, DRAWS], effort);
+    let summary = search(draw, seed, [0, DRAWS], effort);
     summary.print();
     assert_eq!(summary.failures(), 0);
 }
 
 #[test]
+fn a_short_search_finds_nothing() {
+    search_shortly(draw::draw, &[Kind::Resolution, Kind::Accuracy]);
+}
+
+#[test]
+fn a_short_search_at_coarse_accuracies_finds_nothing() {
+    search_shortly(draw::draw_coarse, &[Kind::Resolution, Kind::Accuracy]);
+}
+
+#[test]
 fn a_short_search_of_the_path_tracer_finds_nothing() {
-    let seed = variable("BRDFARM_SEED", SEED);
-    println!("BRDFARM_SEED={seed}");
-    let effort = Effort {
-        pixels_max: 8,
-        samples_max: 1024,
-        finer: &[],
-    };
-    let summary = search(draw::draw_traced, seed, [0, DRAWS], effort);
-    summary.print();
-    assert_eq!(summary.failures(), 0);
+    search_shortly(draw::draw_traced, &[]);
 }
 
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
@@ -232,6 +233,13 @@ fn hold(draw: Draw, once_failed: &[(u64, u64)]) {
 #[ignore = "runs for as long as it is told to"]
 fn a_long_search_finds_nothing() {
     search_as_told(draw::draw);
+}
+
+/// `tests/scenes.sh --coarse` runs it.
+#[test]
+#[ignore = "runs for as long as it is told to"]
+fn a_long_search_at_coarse_accuracies_finds_nothing() {
+    search_as_told(draw::draw_coarse);
 }
 
 /// `tests/scenes.sh --traced` runs it.
