@@ -20,6 +20,20 @@ fn campaign_of_a_hundred_kills() {
     campaign(Harness::new(60, 256), 60, 100, 700);
 }
 
+/// Kills the coordinator and starts it again: what it acknowledged is still complete.
+fn restart_coordinator(harness: &mut Harness) {
+    let acknowledged = harness.acknowledged();
+    harness.kill_coordinator();
+    harness.start();
+    let kept: BTreeSet<u64> = harness.completed().into_iter().collect();
+    for material in acknowledged {
+        assert!(
+            kept.contains(&material),
+            "material {material} was acknowledged and is gone"
+        );
+    }
+}
+
 /// Renders `materials`, all of a farm's, killing somebody every `pause_ms` at the most, at least
 /// `kills_min` times.
 pub fn campaign(mut harness: Harness, materials: u32, kills_min: u32, pause_ms: u64) {
@@ -47,16 +61,7 @@ pub fn campaign(mut harness: Harness, materials: u32, kills_min: u32, pause_ms: 
             workers.remove(0).kill();
         }
         if victim >= WORKERS {
-            let acknowledged = harness.acknowledged();
-            harness.kill_coordinator();
-            harness.start();
-            let kept: BTreeSet<u64> = harness.completed().into_iter().collect();
-            for material in acknowledged {
-                assert!(
-                    kept.contains(&material),
-                    "material {material} was acknowledged and is gone"
-                );
-            }
+            restart_coordinator(&mut harness);
             coordinator_kills += 1;
             if victim > WORKERS {
                 workers.insert(0, worker(&harness, 0));

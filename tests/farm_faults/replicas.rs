@@ -324,6 +324,50 @@ fn log(harness: &Harness, number: usize) -> String {
     fs::read_to_string(harness.path().join(format!("replica{number}.log"))).unwrap_or_default()
 }
 
+/// One of each kind first, then at random, one or all kinds at once.
+fn next_victims(killed: u32, draws: &mut Draws) -> &'static [Victim] {
+    match (killed, draws.below(12)) {
+        (0, _) | (3.., 0..2) => &[Victim::Database],
+        (1, _) | (3.., 2..6) => &[Victim::Replica],
+        (2, _) | (3.., 6..11) => &[Victim::Worker],
+        _ => &[Victim::Worker, Victim::Replica, Victim::Database],
+    }
+}
+
+/// Every coordinator that serves says that the set is complete, and it is that of an undisturbed run. Returns how many
+/// completions were acknowledged: no material to two workers.
+fn expect_complete(cluster: &mut Cluster, size: &Size) -> usize {
+    let serving = |cluster: &mut Cluster, number: usize| {
+        cluster.tend();
+        cluster.harness.address = cluster.replicas[number].address.clone();
+        cluster.harness.status()["finished"] == true
+    };
+    for number in 1..size.replicas {
+        wait_for("the end of the set", || serving(cluster, number));
+        let status = cluster.harness.status();
+        assert_eq!(
+            (
+                &status["completed"],
+                &status["set_aside"],
+                &status["disputed"]
+            ),
+            (&size.materials.into(), &0.into(), &0.into())
+        );
+    }
+    for worker in cluster.workers.drain(..) {
+        assert_eq!(worker.ended(patience()).code(), Some(0));
+    }
+    let acknowledged = cluster.harness.acknowledged();
+    let told: BTreeSet<u64> = acknowledged.iter().copied().collect();
+    assert_eq!(
+        told.len(),
+        acknowledged.len(),
+        "a material was acknowledged to two workers"
+    );
+    cluster.expect_undisturbed(size.materials);
+    acknowledged.len()
+}
+
 fn campaign(size: &Size) {
     let began = Instant::now();
     let mut draws = Draws(seed());
@@ -359,47 +403,13 @@ fn campaign(size: &Size) {
             }
             thread::sleep(Duration::from_millis(10));
         }
-        // One of each kind first, then at random, one or all kinds at once.
-        let victims: &[Victim] = match (killed, draws.below(12)) {
-            (0, _) | (3.., 0..2) => &[Victim::Database],
-            (1, _) | (3.., 2..6) => &[Victim::Replica],
-            (2, _) | (3.., 6..11) => &[Victim::Worker],
-            _ => &[Victim::Worker, Victim::Replica, Victim::Database],
-        };
-        for victim in victims {
+        for victim in next_victims(killed, &mut draws) {
             if cluster.kill(*victim, size.away_ms, &mut draws) {
                 *kills.entry(*victim).or_default() += 1;
             }
         }
     }
-    let serving = |cluster: &mut Cluster, number: usize| {
-        cluster.tend();
-        cluster.harness.address = cluster.replicas[number].address.clone();
-        cluster.harness.status()["finished"] == true
-    };
-    for number in 1..size.replicas {
-        wait_for("the end of the set", || serving(&mut cluster, number));
-        let status = cluster.harness.status();
-        assert_eq!(
-            (
-                &status["completed"],
-                &status["set_aside"],
-                &status["disputed"]
-            ),
-            (&size.materials.into(), &0.into(), &0.into())
-        );
-    }
-    for worker in cluster.workers.drain(..) {
-        assert_eq!(worker.ended(patience()).code(), Some(0));
-    }
-    let acknowledged = cluster.harness.acknowledged();
-    let told: BTreeSet<u64> = acknowledged.iter().copied().collect();
-    assert_eq!(
-        told.len(),
-        acknowledged.len(),
-        "a material was acknowledged to two workers"
-    );
-    cluster.expect_undisturbed(size.materials);
+    let acknowledged = expect_complete(&mut cluster, size);
     let killed: u32 = kills.values().sum();
     println!(
         "campaign: {killed} kills ({kills:?}) with {} coordinators and {} workers, {} materials and \
@@ -409,7 +419,7 @@ fn campaign(size: &Size) {
         size.workers,
         size.materials,
         14 * size.materials,
-        acknowledged.len(),
+        acknowledged,
         began.elapsed().as_secs_f64()
     );
     assert!(

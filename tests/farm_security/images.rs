@@ -179,6 +179,43 @@ async fn headers_with_something_else_are_refused_with_the_reason() {
         .expect("it is sound");
 }
 
+/// Requests in which a text stands for a digest, an identity or a token.
+fn requests_with(
+    text: &str,
+) -> (
+    proto::PutBlobRequest,
+    proto::GetBlobRequest,
+    proto::FindMissingBlobsRequest,
+    proto::LeaseRequest,
+    proto::FailRequest,
+) {
+    let bytes = text.as_bytes().to_vec();
+    let put = proto::PutBlobRequest {
+        digest: bytes.clone(),
+        size: 4,
+        data: b"data".to_vec().into(),
+        ..proto::PutBlobRequest::default()
+    };
+    let get = proto::GetBlobRequest {
+        digest: bytes.clone(),
+    };
+    let find = proto::FindMissingBlobsRequest {
+        digests: vec![bytes.clone()],
+        ..proto::FindMissingBlobsRequest::default()
+    };
+    let lease = proto::LeaseRequest {
+        worker_id: bytes.clone(),
+        jobs_max: 1,
+        wait_ms: 0,
+    };
+    let fail = proto::FailRequest {
+        token: bytes,
+        material: 0,
+        error: text.to_owned(),
+    };
+    (put, get, find, lease, fail)
+}
+
 #[tokio::test]
 async fn what_is_sent_never_becomes_a_path() {
     let directory = tempfile::tempdir().expect("a directory");
@@ -199,34 +236,11 @@ async fn what_is_sent_never_becomes_a_path() {
             let refused = answer.expect_err(path);
             assert_eq!(refused.code(), Code::InvalidArgument, "{path}: {refused}");
         };
-        let bytes = path.as_bytes().to_vec();
-        let put = proto::PutBlobRequest {
-            digest: bytes.clone(),
-            size: 4,
-            data: b"data".to_vec().into(),
-            ..proto::PutBlobRequest::default()
-        };
+        let (put, get, find, lease, fail) = requests_with(path);
         refused(farm.put_blob(with_deadline(put)).await.map(drop));
-        let get = proto::GetBlobRequest {
-            digest: bytes.clone(),
-        };
         refused(control.get_blob(with_deadline(get)).await.map(drop));
-        let find = proto::FindMissingBlobsRequest {
-            digests: vec![bytes.clone()],
-            ..proto::FindMissingBlobsRequest::default()
-        };
         refused(farm.find_missing_blobs(with_deadline(find)).await.map(drop));
-        let lease = proto::LeaseRequest {
-            worker_id: bytes.clone(),
-            jobs_max: 1,
-            wait_ms: 0,
-        };
         refused(farm.lease(with_deadline(lease)).await.map(drop));
-        let fail = proto::FailRequest {
-            token: bytes,
-            material: 0,
-            error: path.to_owned(),
-        };
         refused(farm.fail(with_deadline(fail)).await.map(drop));
         // A name is a name, whatever it looks like.
         let register = proto::RegisterRequest {

@@ -73,6 +73,29 @@ fn a_store_goes_into_a_database_and_a_bucket_and_comes_back_the_same() {
     assert!(manifest(&place, "first") == labels);
 }
 
+/// Every command that opens a store says that this one is an unfinished copy, and how to end it.
+fn expect_unfinished(place: &Place, target: &str) {
+    for command in [
+        "dataset verify --store",
+        "dataset gc --delete --store",
+        "run --spec spec.toml --store",
+        "coordinator serve --spec spec.toml --store",
+        "store migrate --blobs s3://farm/x",
+    ] {
+        let more = if command.starts_with("store") {
+            "elsewhere"
+        } else {
+            ""
+        };
+        let said = place.refuse(&format!("{command} {target} {more}"), 2);
+        assert!(said.contains("is an unfinished copy"), "{command}: {said}");
+        assert!(
+            said.contains("`brdfarm store migrate /"),
+            "{command}: {said}"
+        );
+    }
+}
+
 #[test]
 fn what_is_half_of_a_copy_is_refused_until_the_same_command_ends_it() {
     let place = Place::new(MATERIALS);
@@ -102,25 +125,7 @@ fn what_is_half_of_a_copy_is_refused_until_the_same_command_ends_it() {
             said.contains("material 34, view 1") && said.contains("it has fewer than its"),
             "{said}"
         );
-        for command in [
-            "dataset verify --store",
-            "dataset gc --delete --store",
-            "run --spec spec.toml --store",
-            "coordinator serve --spec spec.toml --store",
-            "store migrate --blobs s3://farm/x",
-        ] {
-            let more = if command.starts_with("store") {
-                "elsewhere"
-            } else {
-                ""
-            };
-            let said = place.refuse(&format!("{command} {target} {more}"), 2);
-            assert!(said.contains("is an unfinished copy"), "{command}: {said}");
-            assert!(
-                said.contains("`brdfarm store migrate /"),
-                "{command}: {said}"
-            );
-        }
+        expect_unfinished(&place, target);
         let said = place.refuse(&format!("store migrate other {target} {options}"), 2);
         assert!(said.contains("choose another target"), "{said}");
         fs::write(&image, &bytes).expect("written");

@@ -13,6 +13,20 @@ use std::{
 };
 use tokio::{task::JoinSet, time::sleep};
 
+/// The materials that the database has as complete, with what was rendered.
+async fn completed(url: &str) -> BTreeSet<u32> {
+    let client = client(url).await;
+    let rows = client
+        .query(
+            "SELECT material FROM jobs JOIN completions USING (material) WHERE stage = 'completed'",
+            &[],
+        )
+        .await
+        .unwrap();
+    let materials = rows.iter().map(|row| row.get::<_, i64>(0) as u32);
+    materials.collect()
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_was_acknowledged_survives_the_death_of_the_server() {
     let mut server = tokio::task::spawn_blocking(|| Server::start("-c fsync=on"))
@@ -70,18 +84,7 @@ async fn what_was_acknowledged_survives_the_death_of_the_server() {
     working.shutdown().await;
 
     let acknowledged = acknowledged.lock().unwrap().clone();
-    let client = client(&url).await;
-    let completed = client
-        .query(
-            "SELECT material FROM jobs JOIN completions USING (material) WHERE stage = 'completed'",
-            &[],
-        )
-        .await
-        .unwrap();
-    let completed: BTreeSet<u32> = completed
-        .iter()
-        .map(|row| row.get::<_, i64>(0) as u32)
-        .collect();
+    let completed = completed(&url).await;
     assert!(acknowledged.is_subset(&completed), "acknowledged and lost");
     assert_tallies(&url).await;
 }

@@ -69,11 +69,7 @@ async fn one_damaged_row_keeps_nobody_else_from_working() {
         "INSERT INTO workers VALUES ('odd', false, false, NULL, 'x')",
     )
     .await;
-    let ([one], [two]) = (&tokens(1)[..], &tokens(1)[..]) else {
-        unreachable!("one each");
-    };
-    let one = [*one];
-    let two = [*two];
+    let [one, two] = [tokens(1), tokens(1)];
     let (odd, even) = tokio::join!(
         job_store.claim(worker(2), &one),
         job_store.claim(worker(1), &two)

@@ -285,13 +285,8 @@ mod tests {
         }
     }
 
-    #[test]
-    fn what_is_synced_is_there_when_the_ledger_opens_again() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("ledger");
-        let (ledger, contents) = SledLedger::open(&path).unwrap();
-        assert_eq!(contents, Changes::default());
-        let leased = JobChange {
+    fn a_lease_after_a_failure() -> JobChange {
+        JobChange {
             material: 258,
             record: JobRecord {
                 state: JobState::Leased(Holder {
@@ -306,7 +301,16 @@ mod tests {
                 }],
                 leases_lost: 2,
             },
-        };
+        }
+    }
+
+    #[test]
+    fn what_is_synced_is_there_when_the_ledger_opens_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ledger");
+        let (ledger, contents) = SledLedger::open(&path).unwrap();
+        assert_eq!(contents, Changes::default());
+        let leased = a_lease_after_a_failure();
         let completed = JobChange {
             material: 3,
             record: JobRecord {
