@@ -8,7 +8,8 @@
 //!
 //! Images bend where the tint meets its knee, and a step over the bend misses the derivative on
 //! either side. Where many derivatives of an image are not sure, they are taken again over shorter
-//! steps, and each keeps the surest.
+//! steps, and each keeps the surest. The quotients of one step may agree by chance; of three steps and more a
+//! derivative is as sure as a neighbouring step confirms it.
 
 use crate::encoding::Encoding;
 use crate::error::InverseError;
@@ -38,9 +39,9 @@ const PRESET_ACCURACY: f64 = 1e-3;
 
 /// The steps of derivatives that are taken again, as shares of the first. At the first of them the error of renderings
 /// at the preset's accuracy moves derivatives by about 1e-4 of white over a length of 1/2.
-const SHORTER: [f64; 2] = [0.125, 0.015_625];
+const SHORTER: [f64; 3] = [1.0 / 8.0, 1.0 / 64.0, 1.0 / 512.0];
 
-/// The second is for accuracies of at most this, at which it moves them by about as much.
+/// Those after the first are for accuracies of at most this, at which the second moves them by about as much.
 const TIGHT_ACCURACY: f64 = 1e-4;
 
 /// How many renderings of each view [`Differentiator::views`] takes at most.
@@ -82,8 +83,9 @@ pub struct ViewDerivatives {
 pub struct ParameterDerivative {
     /// The derivatives.
     pub values: ImageOfChannels,
-    /// By how much the quotients of the two steps differ. Over an image its norm estimates the
-    /// derivatives' error: both what differences leave out and what the renderings are off by.
+    /// By how much the quotients of the two steps differ, or derivatives over two neighbouring steps where they were
+    /// taken again. Over an image its norm estimates the derivatives' error: both what differences leave out and what
+    /// the renderings are off by.
     pub disagreements: ImageOfChannels,
     /// Bounds of the error: the disagreement, and the renderings' stated errors over the step.
     /// Renderings are off by a fiftieth of what they state in the mean, so these are wide. Infinite
@@ -172,18 +174,21 @@ impl Differentiator {
         views: &[u32],
         bases: &[&Base],
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
-        let mut found = self.quotients(theta, parameter, views, bases, 1.0)?;
+        let first = self.quotients(theta, parameter, views, bases, 1.0)?;
+        // Of each view by every step so far, and the surest.
+        let mut of_steps: Vec<Vec<ParameterDerivative>> =
+            first.iter().map(|first| vec![first.clone()]).collect();
+        let mut found = first;
         let Accuracy { relative, absolute } = self.specification.accuracy;
         let accuracy = relative.max(absolute);
         let most = UNSURE_SHARE_MAX * (accuracy / PRESET_ACCURACY).min(1.0);
         let (levels, unsure_max) = match accuracy <= TIGHT_ACCURACY {
-            true => (2, UNSURE_TIGHT),
+            true => (SHORTER.len(), UNSURE_TIGHT),
             false => (1, UNSURE),
         };
         for shorter in &SHORTER[..levels] {
             let is_unsure = |&place: &usize| found[place].is_unsure(unsure_max, most);
-            let unsure = (0..views.len()).filter(is_unsure);
-            let unsure: Vec<usize> = unsure.collect();
+            let unsure: Vec<usize> = (0..views.len()).filter(is_unsure).collect();
             if unsure.is_empty() {
                 break;
             }
@@ -191,7 +196,8 @@ impl Differentiator {
             let bases: Vec<&Base> = unsure.iter().map(|&place| bases[place]).collect();
             let again = self.quotients(theta, parameter, &views, &bases, *shorter)?;
             for (place, again) in unsure.into_iter().zip(again) {
-                found[place].keep_surer(&again);
+                of_steps[place].push(again);
+                found[place] = surest(&of_steps[place]);
             }
         }
         Ok(found)
@@ -267,20 +273,56 @@ impl ParameterDerivative {
         unsure as f64 > share_max * notable as f64
     }
 
-    /// Takes those of another that are clearly surer: the quotients of a shorter step can also agree by
-    /// chance.
-    fn keep_surer(&mut self, other: &Self) {
-        for pixel in 0..self.values.len() {
-            for channel in 0..3 {
-                let ours = self.disagreements[pixel][channel];
-                if 2.0 * other.disagreements[pixel][channel] < ours {
-                    self.values[pixel][channel] = other.values[pixel][channel];
-                    self.disagreements[pixel][channel] = other.disagreements[pixel][channel];
-                    self.errors[pixel][channel] = other.errors[pixel][channel];
-                }
-            }
+    /// The value, the disagreement and the error of a channel.
+    fn at(&self, pixel: usize, channel: usize) -> [f64; 3] {
+        [&self.values, &self.disagreements, &self.errors].map(|image| image[pixel][channel])
+    }
+}
+
+/// Of derivatives over some steps, the first the longest, the surest in each channel.
+fn surest(of_steps: &[ParameterDerivative]) -> ParameterDerivative {
+    let mut surest = of_steps[0].clone();
+    for pixel in 0..surest.values.len() {
+        for channel in 0..3 {
+            let of_channel: Vec<[f64; 3]> = of_steps
+                .iter()
+                .map(|of_step| of_step.at(pixel, channel))
+                .collect();
+            let [value, disagreement, error] = surest_of_channel(&of_channel);
+            surest.values[pixel][channel] = value;
+            surest.disagreements[pixel][channel] = disagreement;
+            surest.errors[pixel][channel] = error;
         }
     }
+    surest
+}
+
+/// The same for one channel: values, disagreements and errors.
+fn surest_of_channel(of_steps: &[[f64; 3]]) -> [f64; 3] {
+    if let &[long, short] = of_steps {
+        // Which of the two is right where they differ nobody tells. The shorter step has to be clearly surer.
+        return if 2.0 * short[1] < long[1] {
+            short
+        } else {
+            long
+        };
+    }
+    let confirmed = (0..of_steps.len()).map(|step| {
+        let [value, disagreement, error] = of_steps[step];
+        let neighbours = [step.checked_sub(1), Some(step + 1)];
+        let neighbours = neighbours.into_iter().flatten();
+        let apart = neighbours
+            .filter_map(|neighbour| of_steps.get(neighbour))
+            .map(|[other, ..]| (value - other).abs())
+            .fold(f64::INFINITY, f64::min);
+        // A single step has nothing to be compared with.
+        let apart = if apart.is_finite() { apart } else { 0.0 };
+        let more = (apart - disagreement).max(0.0);
+        [value, disagreement + more, error + more]
+    });
+    confirmed
+        .min_by(|one, other| one[1].total_cmp(&other[1]))
+        .unwrap_or_else(|| unreachable!("there is a first step"))
 }
 
 fn derivative(sums: &[Sums]) -> ParameterDerivative {
@@ -358,5 +400,32 @@ impl ViewDerivatives {
                 [scaled(value[channel]), scaled(disagreement[channel])]
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_derivative_is_as_sure_as_a_neighbouring_step_confirms_it() {
+        // The quotients of the longest step agree by chance, those of the shortest are noise.
+        let steps = [
+            [1.7357, 0.0002, 0.01],
+            [1.7701, 0.0012, 0.01],
+            [1.7690, 0.0004, 0.02],
+            [1.9, 0.2, 0.9],
+        ];
+        let [value, disagreement, error] = surest_of_channel(&steps);
+        assert_eq!(value, 1.7690);
+        assert!((disagreement - 0.0011).abs() < 1e-12, "{disagreement}");
+        assert!((error - 0.0207).abs() < 1e-12, "{error}");
+        // Of two the shorter has to be clearly surer.
+        assert_eq!(surest_of_channel(&steps[..2]), steps[0]);
+        assert_eq!(surest_of_channel(&[steps[3], steps[0]]), steps[0]);
+        assert_eq!(surest_of_channel(&steps[..1]), steps[0]);
+        // What does not exist stays so.
+        let none = [0.0, f64::INFINITY, f64::INFINITY];
+        assert_eq!(surest_of_channel(&[none; 3]), none);
     }
 }

@@ -251,8 +251,8 @@ fn colour_step(
     Some(step.max(COLOUR_STEP_MIN))
 }
 
-/// How many renderings of a view the derivatives by all parameters take at most, over three steps.
-pub(crate) const RENDERINGS_MAX: usize = 1 + 3 * 4 * PARAMETERS;
+/// How many renderings of a view the derivatives by all parameters take at most, over four steps.
+pub(crate) const RENDERINGS_MAX: usize = 1 + 4 * 4 * PARAMETERS;
 
 #[cfg(test)]
 mod tests {
