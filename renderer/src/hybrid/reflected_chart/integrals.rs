@@ -119,3 +119,53 @@ kernel! {
         *sums = added;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reflectance::Reflectance;
+    use dataset::Specification;
+
+    /// A narrow lobe beside many patches has tens of thousands of directions at a point. They are added up in parts, and
+    /// each counts once.
+    #[test]
+    fn many_directions_take_no_more_room_than_a_batch() {
+        let specification = Specification::preset();
+        let material = specification.material(7).material;
+        let reflectance = Reflectance::new(&material, 0.0, specification.tint);
+        let integrand = Integrand {
+            wo: Vec3::new(0.0, -0.6, 0.8),
+            lobe: &reflectance.lobe,
+            ior: reflectance.ior,
+            knee: 2.0,
+            instructions: Instructions::widest(),
+        };
+        let mut batch = LightBatch::default();
+        let mut integrals = Integrals::new(integrand, &mut batch);
+        let (mut directions, mut diffuse) = (0, [0.0; 3]);
+        for step in 0..50_000u32 {
+            let [azimuth, height] = [0.618_034, 0.754_878].map(|by| (f64::from(step) * by).fract());
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * azimuth);
+            let across = (1.0 - height * height).sqrt();
+            let light = [1.0, 0.25, height];
+            let [r, g, b] = light;
+            let count = 1 + step as usize % FOUR;
+            // Those beyond the count weigh nothing.
+            let weights: [f64; FOUR] = std::array::from_fn(|index| f64::from(index < count));
+            let direction = [across * cos, across * sin, height].map(|number| [number; FOUR]);
+            let [x, y, z] = direction;
+            let [r, g, b] = [r, g, b].map(|light| weights.map(|weight| weight * light));
+            integrals.push_of_four([x, y, z, r, g, b], count);
+            assert!(integrals.batch.count() < FULL);
+            directions += count;
+            for (sum, light) in diffuse.iter_mut().zip(light) {
+                *sum += count as f64 * height * light;
+            }
+        }
+        let ([_, _, found], evaluations) = integrals.finish();
+        assert_eq!(evaluations as usize, directions);
+        for (found, expected) in found.into_iter().zip(diffuse) {
+            assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+        }
+    }
+}
