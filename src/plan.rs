@@ -4,14 +4,14 @@ use crate::plural::{count, time};
 use dataset::{Specification, specification::Pixel};
 
 /// Processor time of an image, seconds: a fixed part, and a part that grows with its pixels and is
-/// given for the preset's 128 x 128. The sum, 18.5 ms, is the mean over the preset's 9,000 materials,
+/// given for the preset's 128 x 128. The sum, 13.4 ms, is the mean over the preset's 9,000 materials,
 /// storage and the check of every image included, on one core of an AMD EPYC with AVX-512. The shares
-/// were fitted to 300 materials on films of 32 pixels a side, which took 12 ms.
-const SECONDS: [f64; 2] = [0.0115, 0.007];
+/// were fitted to the first 1,000 materials on films of 32 pixels a side, which took 9.1 ms.
+const SECONDS: [f64; 2] = [0.008_7, 0.004_7];
 
 /// Size of an image with 16-bit floats, bytes, in the same two parts. The sum is the mean over the
-/// preset's 9,000 materials.
-const BYTES: [f64; 2] = [1_500.0, 11_200.0];
+/// preset's 9,000 materials; on films of 32 pixels a side an image has 2,740.
+const BYTES: [f64; 2] = [2_100.0, 10_000.0];
 
 /// Says how many materials and images are to be rendered, and about how many bytes they take. For a
 /// set with the preset's parameters and accuracy it also says how long: on that many cores, or as the
@@ -58,14 +58,14 @@ mod tests {
     #[test]
     fn what_the_preset_comes_to() {
         let mut set = Specification::preset();
-        let told = "to render: 9000 materials, 126000 images of 128 x 128, about 1600 MB";
+        let told = "to render: 9000 materials, 126000 images of 128 x 128, about 1525 MB";
         assert_eq!(
             line(&set, 126_000, Some(2)),
-            format!("{told} and 19 min on 2 cores")
+            format!("{told} and 14 min on 2 cores")
         );
         assert_eq!(
             line(&set, 126_000, None),
-            format!("{told} and 39 min of a core")
+            format!("{told} and 28 min of a core")
         );
         // Nobody measured that.
         set.accuracy.relative /= 10.0;
