@@ -130,13 +130,13 @@ fn campaign_of_derivatives() {
     let found = found.map(|&(case, views)| examine(&benches, &cases[case], views));
     let found: Vec<BTreeMap<Place, Comparison>> = found.collect();
     let mut all = Comparison::default();
-    for parameter in 0..PARAMETERS {
+    for (parameter, name) in NAMES.iter().enumerate() {
         let mut sum = Comparison::default();
         let of_all = found.iter().flatten();
         for (_, found) in of_all.filter(|((_, of), _)| *of == parameter) {
             sum += *found;
         }
-        println!("{}: {}; {sum:?}", NAMES[parameter], sum.shares());
+        println!("{name}: {}; {sum:?}", sum.shares());
         all += sum;
     }
     println!("all: {}", all.shares());
