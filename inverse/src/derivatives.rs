@@ -8,8 +8,8 @@
 //!
 //! Images bend where the tint meets its knee, and a step over the bend misses the derivative on
 //! either side. Where many derivatives of an image are not sure, they are taken again over shorter
-//! steps, and each keeps the surest. The quotients of one step may agree by chance; of three steps and more a
-//! derivative is as sure as a neighbouring step confirms it.
+//! steps, and each keeps the surest. The quotients of one step may agree by chance. So at tight accuracies,
+//! where there are more steps, a derivative is as sure as a neighbouring step confirms it.
 
 use crate::encoding::Encoding;
 use crate::error::InverseError;
@@ -186,6 +186,7 @@ impl Differentiator {
             true => (SHORTER.len(), UNSURE_TIGHT),
             false => (1, UNSURE),
         };
+        let has_more = levels > 1;
         for shorter in &SHORTER[..levels] {
             let is_unsure = |&place: &usize| found[place].is_unsure(unsure_max, most);
             let unsure: Vec<usize> = (0..views.len()).filter(is_unsure).collect();
@@ -197,7 +198,7 @@ impl Differentiator {
             let again = self.quotients(theta, parameter, &views, &bases, *shorter)?;
             for (place, again) in unsure.into_iter().zip(again) {
                 of_steps[place].push(again);
-                found[place] = surest(&of_steps[place]);
+                found[place] = surest(&of_steps[place], has_more);
             }
         }
         Ok(found)
@@ -279,8 +280,9 @@ impl ParameterDerivative {
     }
 }
 
-/// Of derivatives over some steps, the first the longest, the surest in each channel.
-fn surest(of_steps: &[ParameterDerivative]) -> ParameterDerivative {
+/// Of derivatives over some steps, the first the longest, the surest in each channel. Where a third step can tell
+/// which of two is right, two that differ are not sure.
+fn surest(of_steps: &[ParameterDerivative], has_more: bool) -> ParameterDerivative {
     let mut surest = of_steps[0].clone();
     for pixel in 0..surest.values.len() {
         for channel in 0..3 {
@@ -288,7 +290,10 @@ fn surest(of_steps: &[ParameterDerivative]) -> ParameterDerivative {
                 .iter()
                 .map(|of_step| of_step.at(pixel, channel))
                 .collect();
-            let [value, disagreement, error] = surest_of_channel(&of_channel);
+            let [value, disagreement, error] = match of_channel[..] {
+                [long, short] if !has_more => clearly_surer(long, short),
+                _ => confirmed(&of_channel),
+            };
             surest.values[pixel][channel] = value;
             surest.disagreements[pixel][channel] = disagreement;
             surest.errors[pixel][channel] = error;
@@ -297,17 +302,19 @@ fn surest(of_steps: &[ParameterDerivative]) -> ParameterDerivative {
     surest
 }
 
-/// The same for one channel: values, disagreements and errors.
-fn surest_of_channel(of_steps: &[[f64; 3]]) -> [f64; 3] {
-    if let &[long, short] = of_steps {
-        // Which of the two is right where they differ nobody tells. The shorter step has to be clearly surer.
-        return if 2.0 * short[1] < long[1] {
-            short
-        } else {
-            long
-        };
+/// Of the values, disagreements and errors of a channel over two steps the shorter's if it is clearly surer. Its quotients
+/// can also agree by chance.
+fn clearly_surer(long: [f64; 3], short: [f64; 3]) -> [f64; 3] {
+    if 2.0 * short[1] < long[1] {
+        short
+    } else {
+        long
     }
-    let confirmed = (0..of_steps.len()).map(|step| {
+}
+
+/// Of those over some steps the one that a neighbouring step confirms best, and as sure as it does.
+fn confirmed(of_steps: &[[f64; 3]]) -> [f64; 3] {
+    let as_confirmed = (0..of_steps.len()).map(|step| {
         let [value, disagreement, error] = of_steps[step];
         let neighbours = [step.checked_sub(1), Some(step + 1)];
         let neighbours = neighbours.into_iter().flatten();
@@ -320,7 +327,7 @@ fn surest_of_channel(of_steps: &[[f64; 3]]) -> [f64; 3] {
         let more = (apart - disagreement).max(0.0);
         [value, disagreement + more, error + more]
     });
-    confirmed
+    as_confirmed
         .min_by(|one, other| one[1].total_cmp(&other[1]))
         .unwrap_or_else(|| unreachable!("there is a first step"))
 }
@@ -416,16 +423,23 @@ mod tests {
             [1.7690, 0.0004, 0.02],
             [1.9, 0.2, 0.9],
         ];
-        let [value, disagreement, error] = surest_of_channel(&steps);
+        let [value, disagreement, error] = confirmed(&steps);
         assert_eq!(value, 1.7690);
         assert!((disagreement - 0.0011).abs() < 1e-12, "{disagreement}");
         assert!((error - 0.0207).abs() < 1e-12, "{error}");
-        // Of two the shorter has to be clearly surer.
-        assert_eq!(surest_of_channel(&steps[..2]), steps[0]);
-        assert_eq!(surest_of_channel(&[steps[3], steps[0]]), steps[0]);
-        assert_eq!(surest_of_channel(&steps[..1]), steps[0]);
+        // Of two neither is sure.
+        let [_, disagreement, _] = confirmed(&steps[..2]);
+        assert!((disagreement - 0.0344).abs() < 1e-12, "{disagreement}");
+        assert_eq!(confirmed(&steps[..1]), steps[0]);
         // What does not exist stays so.
         let none = [0.0, f64::INFINITY, f64::INFINITY];
-        assert_eq!(surest_of_channel(&[none; 3]), none);
+        assert_eq!(confirmed(&[none; 3]), none);
+    }
+
+    #[test]
+    fn a_shorter_step_has_to_be_clearly_surer() {
+        let [long, short] = [[1.0, 0.002, 0.01], [1.1, 0.0015, 0.02]];
+        assert_eq!(clearly_surer(long, short), long);
+        assert_eq!(clearly_surer([1.0, 0.004, 0.01], short), short);
     }
 }

@@ -262,17 +262,17 @@ fn what_cannot_be_estimated_is_told_with_its_place() {
         &format!("grey.png grey.png {both} {chart}"),
         &["patches", "fewest"],
     );
-    for wrong in ["0", "1,2", "nan", "1e300", "1e-7"] {
-        refused(
-            &format!("grey.png grey.png {both} --gain {wrong}"),
-            &["gain"],
-        );
+    // What the command line itself refuses.
+    let crossed = format!("{corners} --above-corners 10,70,90,10,90,70,10,10 --gain 1");
+    let crossed = format!("--oblique-corners {crossed}");
+    let gains = ["0", "1,2", "nan", "1e300", "1e-7"];
+    let gains = gains.map(|gain| (format!("{both} --gain {gain}"), "'--gain"));
+    for (wrong, told) in gains.into_iter().chain([(crossed, "the corners cross")]) {
+        let output = place.run(&estimate(&format!("grey.png grey.png {wrong}")));
+        assert_eq!(output.status.code(), Some(2), "{wrong}");
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(said.contains(told), "{said}");
     }
-    let crossed = "--above-corners 10,70,90,10,90,70,10,10 --gain 1";
-    refused(
-        &format!("grey.png grey.png --oblique-corners {corners} {crossed}"),
-        &["the corners cross"],
-    );
 }
 
 /// Photographs of materials of the test split, read by a network that learned its trade:
