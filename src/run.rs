@@ -5,7 +5,7 @@ use crate::plural::count;
 use crate::progress::{self, FarmProgress};
 use crate::runtime::Runtime;
 use crate::shutdown::Stopped;
-use crate::{cores, pages, plan, shutdown, specification, store_name};
+use crate::{cores, heap, pages, plan, shutdown, specification, store_name};
 use clap::Args;
 use coordinator::{Coordinator, Progress, RunningCoordinator};
 use datastore::{AnyStore, BlobsPlace, ReadOnlyStore, StoreName};
@@ -133,6 +133,7 @@ pub fn execute(options: &Options) -> anyhow::Result<()> {
             progress.bytes_received as f64 / 1e6
         )?;
     }
+    heap::give_back();
     let store = ReadOnlyStore::open(&options.store)?;
     if images > 0 {
         verify::check(&store, specification.materials, cores::count(0))?;
@@ -151,6 +152,7 @@ fn sum_up(store: &ReadOnlyStore, out: &mut impl Write) -> anyhow::Result<()> {
     let materials: Vec<u32> = (0..materials).collect();
     let views: Vec<u32> = (0..store.specification().views.len() as u32).collect();
     show::write_sheet(store, &materials, &views, 0.0, &sheet)?;
+    heap::give_back();
     let manifest = path.join("manifest.parquet");
     // A store that was asked for more before holds more than this run wanted.
     let exported = export(store, Format::Parquet, true, &manifest)?;
