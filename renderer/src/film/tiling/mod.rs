@@ -406,7 +406,7 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         }
         let mut missed = self.missed_at(&between, &values, tolerance, function);
         let mut to_halve = steep;
-        if is_met(rule.times * missed) {
+        if self.shade.is_uneven() && is_met(rule.times * missed) {
             let counts = |missed: f64| !is_met(rule.times * missed);
             let corners = self.missed_at_corners(&tile.rectangle, counts, tolerance, function);
             (missed, to_halve) = (missed.max(corners.missed), corners.worse_along);

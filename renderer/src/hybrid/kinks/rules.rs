@@ -50,6 +50,7 @@ impl Shade for Slow {
 struct SlowStep {
     slow: Slow,
     step: Step,
+    is_uneven: bool,
 }
 
 impl Exact for SlowStep {
@@ -68,7 +69,7 @@ impl Shade for SlowStep {
     }
 
     fn is_uneven(&self) -> bool {
-        true
+        self.is_uneven
     }
 }
 
@@ -98,6 +99,49 @@ impl<const LEVELS: usize> Shade for TwoKinds<LEVELS> {
 
     fn kind_changes_at(&self) -> Option<u32> {
         Some(self.changes_at)
+    }
+}
+
+/// The same, where the first kind misses most at one side of the film, and an edge.
+struct KindsStep {
+    kinds: TwoKinds<4>,
+    /// How fast what the first kind misses falls away from the side, a pixel.
+    fall: f64,
+    step: Step,
+}
+
+impl Exact for KindsStep {
+    fn integral(&self, part: &Polygon) -> f64 {
+        self.kinds.integral(part) + self.step.integral(part)
+    }
+}
+
+impl Shade for KindsStep {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), at: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
+        let missed = self.kinds.missed[tolerance.level() as usize];
+        let is_first = tolerance.level() < self.kinds.changes_at;
+        let missed = missed
+            * if is_first {
+                libm::exp(-self.fall * at[1])
+            } else {
+                1.0
+            };
+        let ([step, ..], _) = self.step.at(&mut (), at, tolerance);
+        ([Slow::VALUE + missed + step; 3], 1)
+    }
+
+    fn finest_level(&self) -> u32 {
+        self.kinds.finest_level()
+    }
+
+    fn kind_changes_at(&self) -> Option<u32> {
+        self.kinds.kind_changes_at()
+    }
+
+    fn is_uneven(&self) -> bool {
+        true
     }
 }
 
@@ -132,6 +176,16 @@ impl Shade for Sudden {
 
     fn kind_changes_at(&self) -> Option<u32> {
         Some(3)
+    }
+}
+
+/// A film of one pixel, all of it covered.
+fn one_pixel() -> Film {
+    Film {
+        side: 1,
+        outline: Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+        side_max: 1.0,
+        ..whole_film()
     }
 }
 
@@ -174,18 +228,14 @@ fn a_rule_that_converges_slowly_is_found_out() {
 }
 
 /// The same on pixels with an edge, which no tile serves. Their rule was chosen in the middle (draw 1929 of seed
-/// 20261132 of the search): 819 of these were off by up to seven times what they stated.
+/// 20261132 of the search): 819 of 2,000 were off by up to seven times what they stated. Half of these are said not to be
+/// uneven: their corners were not looked at (draw 1663 of seed 20261150).
 #[test]
 fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
     let mut random = ChaCha8Rng::seed_from_u64(20_261_132);
-    let film = Film {
-        side: 1,
-        outline: Polygon::quadrilateral([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
-        side_max: 1.0,
-        ..whole_film()
-    };
+    let film = one_pixel();
     let mut tally = Tally::default();
-    for _ in 0..2_000 {
+    for index in 0..4_000 {
         let step = Step::drawn(&mut random);
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
         let slow = Slow {
@@ -193,7 +243,15 @@ fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
             kept: 0.78 * uniform(),
             fall: 6.0 + 8.0 * uniform(),
         };
-        tally.add(&film, &SlowStep { slow, step });
+        let is_uneven = index % 2 == 0;
+        tally.add(
+            &film,
+            &SlowStep {
+                slow,
+                step,
+                is_uneven,
+            },
+        );
     }
     let Tally { beyond, worst, .. } = tally;
     assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
@@ -237,6 +295,49 @@ fn the_kind_of_rule_that_converges_is_believed() {
             "kind {kind}: off by up to {worst} of what is stated"
         );
     }
+}
+
+/// Two kinds of rules, of which the second's have not converged: they differ by 1.6 to 32 percent of what they miss.
+fn with_a_wrong_kind(uniform: &mut impl FnMut() -> f64) -> TwoKinds<4> {
+    let wrong = 0.01 + 0.02 * uniform();
+    let differ = libm::exp10(-1.8 + 1.3 * uniform());
+    let right = 5e-5 * (1.0 + 2.0 * uniform());
+    TwoKinds {
+        missed: [right, 0.3 * right, wrong * (1.0 + differ), wrong],
+        changes_at: 2,
+    }
+}
+
+/// The finest two rules may agree by chance to some percent of what they miss, where the other kind's are right (draw
+/// 1783 of seed 20261151 of the search).
+#[test]
+fn the_finest_rule_states_what_the_other_kind_tells() {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_151);
+    let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+    let film = whole_film();
+    let mut tally = Tally::default();
+    for _ in 0..40 {
+        tally.add(&film, &with_a_wrong_kind(&mut uniform));
+    }
+    tally.expect_stated();
+}
+
+/// The same on pixels with an edge, where only a corner asks for finer rules than the first.
+#[test]
+fn the_rule_of_a_pixel_states_what_the_other_kind_tells() {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_152);
+    let film = one_pixel();
+    let mut tally = Tally::default();
+    for _ in 0..2_000 {
+        let step = Step::drawn(&mut random);
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let mut kinds = with_a_wrong_kind(&mut uniform);
+        kinds.missed[0] *= 20.0;
+        let fall = 6.0 + 8.0 * uniform();
+        tally.add(&film, &KindsStep { kinds, fall, step });
+    }
+    let Tally { beyond, worst, .. } = tally;
+    assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
 }
 
 /// Two rules that follow each other may agree by chance where both are far off. The finest of their kind shows it, if
