@@ -68,6 +68,10 @@ impl Shade for SlowStep {
         ([slow + step; 3], 1)
     }
 
+    fn kind_changes_at(&self) -> Option<u32> {
+        (!self.is_uneven).then_some(self.finest_level() + 1)
+    }
+
     fn is_uneven(&self) -> bool {
         self.is_uneven
     }
