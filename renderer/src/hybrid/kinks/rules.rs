@@ -15,6 +15,8 @@ struct Slow {
     kept: f64,
     /// How fast it falls away from the side, a pixel.
     fall: f64,
+    /// Whether it says so. If not, it says that rules of another kind might follow.
+    is_uneven: bool,
 }
 
 impl Slow {
@@ -41,33 +43,6 @@ impl Shade for Slow {
         ([Self::VALUE + missed; 3], 1)
     }
 
-    fn is_uneven(&self) -> bool {
-        true
-    }
-}
-
-/// The same, and an edge.
-struct SlowStep {
-    slow: Slow,
-    step: Step,
-    is_uneven: bool,
-}
-
-impl Exact for SlowStep {
-    fn integral(&self, part: &Polygon) -> f64 {
-        self.slow.integral(part) + self.step.integral(part)
-    }
-}
-
-impl Shade for SlowStep {
-    type Scratch = ();
-
-    fn at(&self, (): &mut (), at: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
-        let ([slow, ..], _) = self.slow.at(&mut (), at, tolerance);
-        let ([step, ..], _) = self.step.at(&mut (), at, tolerance);
-        ([slow + step; 3], 1)
-    }
-
     fn kind_changes_at(&self) -> Option<u32> {
         (!self.is_uneven).then_some(self.finest_level() + 1)
     }
@@ -77,10 +52,46 @@ impl Shade for SlowStep {
     }
 }
 
+/// A function by rules, and an edge.
+struct WithStep<F> {
+    function: F,
+    step: Step,
+}
+
+impl<F: Exact<Scratch = ()>> Exact for WithStep<F> {
+    fn integral(&self, part: &Polygon) -> f64 {
+        self.function.integral(part) + self.step.integral(part)
+    }
+}
+
+impl<F: Shade<Scratch = ()>> Shade for WithStep<F> {
+    type Scratch = ();
+
+    fn at(&self, (): &mut (), at: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
+        let ([value, ..], _) = self.function.at(&mut (), at, tolerance);
+        let ([step, ..], _) = self.step.at(&mut (), at, tolerance);
+        ([value + step; 3], 1)
+    }
+
+    fn finest_level(&self) -> u32 {
+        self.function.finest_level()
+    }
+
+    fn kind_changes_at(&self) -> Option<u32> {
+        self.function.kind_changes_at()
+    }
+
+    fn is_uneven(&self) -> bool {
+        self.function.is_uneven()
+    }
+}
+
 /// A tenth of white by rules of two kinds, and what those of each level miss.
 struct TwoKinds<const LEVELS: usize> {
     missed: [f64; LEVELS],
     changes_at: u32,
+    /// How fast what the first kind misses falls away from a side of the film, a pixel.
+    fall: f64,
 }
 
 impl<const LEVELS: usize> Exact for TwoKinds<LEVELS> {
@@ -92,8 +103,15 @@ impl<const LEVELS: usize> Exact for TwoKinds<LEVELS> {
 impl<const LEVELS: usize> Shade for TwoKinds<LEVELS> {
     type Scratch = ();
 
-    fn at(&self, (): &mut (), _: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
-        let missed = self.missed[tolerance.level() as usize];
+    fn at(&self, (): &mut (), [_, row]: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
+        let level = tolerance.level();
+        let is_first = level < self.changes_at;
+        let share = if is_first {
+            libm::exp(-self.fall * row)
+        } else {
+            1.0
+        };
+        let missed = share * self.missed[level as usize];
         ([Slow::VALUE + missed; 3], 1)
     }
 
@@ -104,48 +122,9 @@ impl<const LEVELS: usize> Shade for TwoKinds<LEVELS> {
     fn kind_changes_at(&self) -> Option<u32> {
         Some(self.changes_at)
     }
-}
-
-/// The same, where the first kind misses most at one side of the film, and an edge.
-struct KindsStep {
-    kinds: TwoKinds<4>,
-    /// How fast what the first kind misses falls away from the side, a pixel.
-    fall: f64,
-    step: Step,
-}
-
-impl Exact for KindsStep {
-    fn integral(&self, part: &Polygon) -> f64 {
-        self.kinds.integral(part) + self.step.integral(part)
-    }
-}
-
-impl Shade for KindsStep {
-    type Scratch = ();
-
-    fn at(&self, (): &mut (), at: [f64; 2], tolerance: Tolerance) -> ([f64; 3], u32) {
-        let missed = self.kinds.missed[tolerance.level() as usize];
-        let is_first = tolerance.level() < self.kinds.changes_at;
-        let missed = missed
-            * if is_first {
-                libm::exp(-self.fall * at[1])
-            } else {
-                1.0
-            };
-        let ([step, ..], _) = self.step.at(&mut (), at, tolerance);
-        ([Slow::VALUE + missed + step; 3], 1)
-    }
-
-    fn finest_level(&self) -> u32 {
-        self.kinds.finest_level()
-    }
-
-    fn kind_changes_at(&self) -> Option<u32> {
-        self.kinds.kind_changes_at()
-    }
 
     fn is_uneven(&self) -> bool {
-        true
+        self.fall > 0.0
     }
 }
 
@@ -221,6 +200,7 @@ fn a_rule_that_converges_slowly_is_found_out() {
             missed: 1e-4 * libm::exp10(uniform()),
             kept: 0.78 * uniform(),
             fall: 0.5 * uniform(),
+            is_uneven: true,
         };
         tally.add(&film, &slow);
     }
@@ -246,16 +226,10 @@ fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
             missed: 1e-2 * libm::exp10(uniform()),
             kept: 0.78 * uniform(),
             fall: 6.0 + 8.0 * uniform(),
+            is_uneven: index % 2 == 0,
         };
-        let is_uneven = index % 2 == 0;
-        tally.add(
-            &film,
-            &SlowStep {
-                slow,
-                step,
-                is_uneven,
-            },
-        );
+        let function = slow;
+        tally.add(&film, &WithStep { function, step });
     }
     let Tally { beyond, worst, .. } = tally;
     assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
@@ -285,6 +259,7 @@ fn the_kind_of_rule_that_converges_is_believed() {
             let kinds = TwoKinds {
                 missed,
                 changes_at: 2,
+                fall: 0.0,
             };
             tally.add(&film, &kinds);
         }
@@ -309,6 +284,7 @@ fn with_a_wrong_kind(uniform: &mut impl FnMut() -> f64) -> TwoKinds<4> {
     TwoKinds {
         missed: [right, 0.3 * right, wrong * (1.0 + differ), wrong],
         changes_at: 2,
+        fall: 0.0,
     }
 }
 
@@ -337,8 +313,9 @@ fn the_rule_of_a_pixel_states_what_the_other_kind_tells() {
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
         let mut kinds = with_a_wrong_kind(&mut uniform);
         kinds.missed[0] *= 20.0;
-        let fall = 6.0 + 8.0 * uniform();
-        tally.add(&film, &KindsStep { kinds, fall, step });
+        kinds.fall = 6.0 + 8.0 * uniform();
+        let function = kinds;
+        tally.add(&film, &WithStep { function, step });
     }
     let Tally { beyond, worst, .. } = tally;
     assert_eq!(beyond, 0, "off by up to {worst} of what is stated");
@@ -358,6 +335,7 @@ fn rules_that_agree_by_chance_are_found_out() {
         let chance = TwoKinds {
             missed: [missed, missed - differ, 0.0, 0.0],
             changes_at: 3,
+            fall: 0.0,
         };
         tally.add(&film, &chance);
     }
@@ -383,6 +361,7 @@ fn the_finest_of_slow_polynomials_states_what_it_misses() {
         let slow = TwoKinds {
             missed,
             changes_at: 3,
+            fall: 0.0,
         };
         tally.add(&film, &slow);
     }
