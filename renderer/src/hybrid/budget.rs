@@ -469,6 +469,17 @@ pub mod glossy {
     /// moments would lose their digits. At the lobe's end, five widths out, they keep nine.
     pub const SPAN_MIN: f64 = 0.5;
 
+    /// Widths of the lobe that a group of patches shows beyond its edges, for the nodes of a tile. Chosen: what an edge's
+    /// blur asks of a tile ([`TILE`]) leaves 3.5 between two nodes.
+    pub const HIDDEN_WIDTHS: f64 = 4.0;
+
+    /// Widths of the lobe beyond its edges at which a group of patches is dark. Chosen: the lobe falls to 4e-6.
+    pub const HIDDEN_REACH: f64 = 5.0;
+
+    /// The most groups of patches that are looked at beside the whole chart. A limit on work: of more, every tile shows
+    /// some.
+    pub const GROUPS_MAX: usize = 64;
+
     /// Widths from the middle of an edge's passage through the lobe at which it is over. Chosen.
     pub const PASSAGE: f64 = 3.5;
 

@@ -256,6 +256,104 @@ fn class_f_rules_are_looked_at_on_the_edge() {
     });
 }
 
+/// A lobe that is narrow along one axis blurs a small chart along the other to a stripe thinner than a pixel, beside
+/// the chart's mirror image.
+#[test]
+fn class_g_a_stripe_does_not_hide_between_nodes() {
+    let text = "
+        [image]
+        width = 12
+        height = 12
+        pixel = 'float'
+        [camera]
+        distance_m = 100
+        film_half_width = 0.0234
+        [accuracy]
+        absolute = 2e-6
+        relative = 2e-7
+        [sample]
+        side_m = 5
+        [light]
+        distance_m = 7.2
+        radius_m = 1
+        [checker]
+        columns = 1
+        rows = 37
+        pitch_m = 0.0422
+        lower_edge_y_m = 6.55
+        tilt_deg = 78.5
+        patches_srgb8 = PATCHES
+        [[views]]
+        camera_elevation_deg = 75
+        light_elevation_deg = 62.8
+        rotation_deg = -122.67
+        checker = true
+    "
+    .replace("PATCHES", &format!("{:?}", [[255; 3]; 37]));
+    let material = Material {
+        roughness: 0.0109,
+        angle_deg: 86.5,
+        rgb0: [0.0; 3],
+        ..white(0.0, 0.9999995, 1.04)
+    };
+    let case = Case::of_toml(&text, 0, material);
+    hold(&case, EFFORT, |random, specification, material| {
+        square_film(specification, random.one_of(&[4, 8, 12, 24]));
+        specification.views[0].rotation_deg = random.uniform(-180.0, 180.0);
+        specification.camera.film_half_width *= random.log_uniform(0.3, 3.0);
+        let checker = &mut specification.checker;
+        checker.pitch_m *= random.log_uniform(0.1, 3.0);
+        checker.tilt_deg = random.uniform(45.0, 90.0);
+        let lit = random.one_of(&[1, 7, 18, 30]);
+        if random.one_of(&[true, false]) {
+            checker.patches_srgb8 = (0..37)
+                .map(|row| [if row == lit { 255 } else { 0 }; 3])
+                .collect();
+        }
+        material.roughness *= random.log_uniform(1.0, 100.0);
+        material.ior = random.uniform(1.04, 10.0);
+    });
+}
+
+/// The chart in a near mirror, whose blurred edges are worked out by closed forms: from blurs far below a pixel to such
+/// as are left to tiles.
+#[test]
+fn class_h_a_near_mirror_shows_the_chart() {
+    const TEXT: &str = "
+        [image]
+        width = 64
+        height = 64
+        pixel = 'float'
+        [accuracy]
+        absolute = 1e-2
+        relative = 1e-2
+        [[views]]
+        camera_elevation_deg = 20
+        light_elevation_deg = 60
+        checker = true
+    ";
+    const EVERYWHERE: Effort = Effort {
+        finer: &[Kind::Resolution, Kind::Accuracy],
+        ..EFFORT
+    };
+    let case = Case::of_toml(TEXT, 0, white(1.0, 0.0, 2.0));
+    hold(&case, EVERYWHERE, |random, specification, material| {
+        square_film(specification, random.one_of(&[48, 64, 96, 128]));
+        let relative = random.log_uniform(1e-4, 1e-1);
+        specification.accuracy.relative = relative;
+        specification.accuracy.absolute = relative * random.log_uniform(0.1, 1.0);
+        specification.camera.film_half_width *= random.log_uniform(0.5, 2.0);
+        specification.checker.tilt_deg = random.uniform(0.0, 60.0);
+        let view = &mut specification.views[0];
+        view.camera_elevation_deg = random.uniform(8.0, 50.0);
+        view.rotation_deg = random.uniform(0.0, 360.0);
+        material.roughness = random.log_uniform(0.1, 2.0);
+        material.anisotropy = random.one_of(&[0.0, 0.0, 0.3, 0.6]);
+        material.angle_deg = random.uniform(0.0, 180.0);
+        material.ior = random.uniform(1.1, 10.0);
+    });
+}
+
 /// Evaluations of a rendering in a thread of its own, which is left behind where it takes too long.
 fn evaluations(case: Case) -> Option<u64> {
     let (sender, receiver) = mpsc::channel();

@@ -64,6 +64,9 @@ const STRIP_LENGTH: f64 = 8.0;
 /// A thicker tile may be longer than wide by this factor, for the same reason.
 const ASPECT_MAX: f64 = 16.0;
 
+/// A tile that may hide something between its nodes is halved down to this side in pixels. A limit on work.
+const HIDING_MIN: f64 = 1.0 / 64.0;
+
 /// Adds the integrals of `shade` over the pixels of the regions, which lie inside `outline`.
 /// Returns how many evaluations it took.
 pub fn integrate<S: Shade>(
@@ -214,8 +217,12 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         effort: Effort,
         scratch: &mut S::Scratch,
     ) -> (Growth<TERMS>, u64) {
-        if self.outline.polygon().clipped(rectangle).is_empty() {
+        let covered = self.outline.polygon().clipped(rectangle);
+        if covered.is_empty() {
             return (Growth::Nothing, 0);
+        }
+        if let Some(halves) = self.halves_of_hiding(rectangle, covered.corners(), effort) {
+            return (Growth::Halves(halves), 0);
         }
         let mut function = Counted {
             shade: self.shade,
@@ -231,6 +238,21 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         };
         let growth = self.work_out(&candidate, &mut function);
         (growth, function.spent)
+    }
+
+    /// The halves of a rectangle all of whose nodes may miss a part of the function.
+    fn halves_of_hiding(
+        &self,
+        rectangle: &Rectangle,
+        corners: &[[f64; 2]],
+        effort: Effort,
+    ) -> Option<[Rectangle; 2]> {
+        let sides = rectangle.sides();
+        let longest = usize::from(sides[1] > sides[0]);
+        let hides = effort != Effort::None
+            && sides[longest] > HIDING_MIN
+            && self.shade.hides_between(corners);
+        hides.then(|| rectangle.halves(longest))
     }
 
     /// Works out a rectangle on which there is something of the outline.

@@ -33,6 +33,12 @@ pub trait Shade: Sync {
         false
     }
 
+    /// Whether all nodes of a tile may miss a part of the function. `corners` are those of what the outline leaves of
+    /// the tile.
+    fn hides_between(&self, _corners: &[[f64; 2]]) -> bool {
+        false
+    }
+
     /// What the function may be off by on a part of a pixel that no rule shows.
     fn function_error(&self, _cell: &Rectangle) -> FunctionError {
         FunctionError::default()

@@ -358,6 +358,11 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         self.has_wide_rules()
     }
 
+    fn hides_between(&self, corners: &[[f64; 2]]) -> bool {
+        let seen = corners.iter().map(|&at| self.wide.view.sample_point(at));
+        self.chart.hides_between(&seen.collect::<Vec<_>>())
+    }
+
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
         self.wide.function_error(cell)
     }

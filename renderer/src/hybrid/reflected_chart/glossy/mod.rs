@@ -15,6 +15,7 @@
 
 mod branches;
 mod conic;
+mod hidden;
 mod lanes;
 mod light_cells;
 mod line;

@@ -2,6 +2,7 @@
 
 use super::branches::Branches;
 use super::conic::Conic;
+use super::hidden::{Corners, groups};
 use super::light_cells::LightCells;
 use super::moments::Order;
 use crate::hybrid::budget::glossy::{
@@ -28,6 +29,8 @@ pub struct GlossyChart<'a> {
     axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
     pub(super) corners: Vec<Vec3>,
+    /// Rectangles of patches that may show by themselves, in the lobe's frame.
+    pub(super) groups: Vec<Corners>,
     /// The light on it.
     pub(super) light: LightCells,
 }
@@ -51,15 +54,21 @@ impl<'a> GlossyChart<'a> {
         } else {
             Vec::new()
         };
-        let colours = (0..(plane.columns * plane.rows) as usize).map(|index| {
-            let [column, row] = plane.cell(index).map(|index| index * chart.parts);
-            chart.patches[chart.patch(column, row)]
-        });
+        let colours: Vec<_> = (0..(plane.columns * plane.rows) as usize)
+            .map(|index| {
+                let [column, row] = plane.cell(index).map(|index| index * chart.parts);
+                chart.patches[chart.patch(column, row)]
+            })
+            .collect();
         Self {
             reflectance,
             instructions,
             plane,
-            colours: colours.collect(),
+            groups: groups(&plane, &colours)
+                .into_iter()
+                .map(|group| group.map(|corner| lobe.to_lobe(corner)))
+                .collect(),
+            colours,
             corner: lobe.to_lobe(plane.corner),
             axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
