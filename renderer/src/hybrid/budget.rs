@@ -337,6 +337,9 @@ pub mod direct {
     /// beyond it the corners say too little of what lies between them. Chosen.
     pub const CURVATURE_MAX: f64 = 0.25;
 
+    /// A bulb is dark where the lobe has fallen by more e-folds than this: no light is so bright that 4e-44 of it counts.
+    pub const DARK_EXPONENT: f64 = 100.0;
+
     /// No series of a tile follows an edge over more than this many widths of the lobe. Chosen.
     pub const EDGE_WIDTHS: f64 = 12.0;
 }

@@ -5,7 +5,7 @@ use super::bulb_light::{BulbLight, bulb_view};
 use crate::film::log_tile::TintedLog;
 use crate::film::log_tiling::LogShade;
 use crate::film::tiling::Shade;
-use crate::hybrid::budget::direct::{CURVATURE_MAX, EDGE_WIDTHS};
+use crate::hybrid::budget::direct::{CURVATURE_MAX, DARK_EXPONENT, EDGE_WIDTHS};
 use crate::hybrid::view::View;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -35,6 +35,9 @@ impl Shade for BulbOffSample<'_> {
         film_point: [f64; 2],
         tolerance: Tolerance,
     ) -> ([f64; 3], u32) {
+        if self.is_dark(film_point) {
+            return ([0.0; 3], 1);
+        }
         let (position, wo) = self.view.sample_point(film_point);
         let (light, spent) = self.light(position, wo, tolerance, scratch);
         let scale = libm::exp(light.log);
@@ -145,6 +148,22 @@ impl BulbOffSample<'_> {
             instructions: self.view.instructions,
         };
         light.toward(wo, to_bulb, batch)
+    }
+
+    /// Whether nothing of the lobe lies on the bulb. The lobe's integral is 1, and its part beyond an exponent x is at
+    /// most exp(-x).
+    fn is_dark(&self, film_point: [f64; 2]) -> bool {
+        if self.reflectance.specular_share < 1.0 {
+            return false;
+        }
+        let SlopeBox { centre, half } = self.bulb_box(film_point);
+        let [near, far] = [-1.0, 1.0]
+            .map(|side| [0, 1].map(|axis| (centre[axis].abs() + side * half[axis]).max(0.0)));
+        let lobe = &self.reflectance.lobe;
+        let t = far[0] * far[0] + far[1] * far[1];
+        let flat = if t > 0.0 { libm::log1p(t) / t } else { 1.0 };
+        let form = lobe.n_u * near[0] * near[0] + lobe.n_v * near[1] * near[1];
+        0.5 * form * flat > DARK_EXPONENT
     }
 
     fn bulb_box(&self, film_point: [f64; 2]) -> SlopeBox {
