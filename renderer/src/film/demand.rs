@@ -75,7 +75,7 @@ pub struct FunctionError {
 
 impl FunctionError {
     /// Over an area on which the integral of the function is `value`.
-    pub(super) fn over(&self, area: f64, value: [f64; 3]) -> f64 {
+    pub fn over(&self, area: f64, value: [f64; 3]) -> f64 {
         let [r, g, b] = value;
         let largest = r.max(g).max(b).max(0.0);
         (self.absolute * area).min(self.relative * largest)

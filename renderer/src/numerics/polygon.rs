@@ -282,7 +282,6 @@ impl Polygon {
     }
 
     /// The part on which a linear function is not negative.
-    #[cfg(test)]
     pub fn cut(&self, function: impl Fn([f64; 2]) -> f64) -> Self {
         let mut part = *self;
         part.keep(function);

@@ -76,9 +76,23 @@ pub fn integrate<S: Shade>(
     demand: &Demand<'_>,
     shade: &S,
 ) -> u64 {
+    let bounds = outline.polygon().bounds().intersection(&canvas.bounds());
+    let parts = Vec::from_iter(bounds);
+    integrate_on(canvas, outline, (regions, &parts), demand, shade)
+}
+
+/// The same over parts of the film that do not overlap.
+pub fn integrate_on<S: Shade>(
+    canvas: &mut Canvas<'_>,
+    outline: &Outline,
+    (regions, parts): (&[Region<'_>], &[Rectangle]),
+    demand: &Demand<'_>,
+    shade: &S,
+) -> u64 {
+    let where_to = (regions, parts);
     match demand.terms {
-        Terms::Many => integrate_by::<S, MANY>(canvas, outline, regions, demand, shade),
-        Terms::Few => integrate_by::<S, FEW>(canvas, outline, regions, demand, shade),
+        Terms::Many => integrate_by::<S, MANY>(canvas, outline, where_to, demand, shade),
+        Terms::Few => integrate_by::<S, FEW>(canvas, outline, where_to, demand, shade),
     }
 }
 
@@ -86,13 +100,10 @@ pub fn integrate<S: Shade>(
 fn integrate_by<S: Shade, const TERMS: usize>(
     canvas: &mut Canvas<'_>,
     outline: &Outline,
-    regions: &[Region<'_>],
+    (regions, parts): (&[Region<'_>], &[Rectangle]),
     demand: &Demand<'_>,
     shade: &S,
 ) -> u64 {
-    let Some(bounds) = outline.polygon().bounds().intersection(&canvas.bounds()) else {
-        return 0;
-    };
     let tiling = Tiling::<S, TERMS> {
         before: Brightness::of(canvas),
         outline,
@@ -106,11 +117,11 @@ fn integrate_by<S: Shade, const TERMS: usize>(
             .fold(0.0, f64::max),
     };
     let side_max = (demand.side_max / demand.terms.spread()).max(1.0);
-    let open = match &demand.feature {
-        Some(feature) => cut_out(bounds, feature, side_max),
-        None => vec![bounds],
-    };
-    let open = open.into_iter().flat_map(|part| roots(part, side_max));
+    let open = parts.iter().flat_map(|&part| match &demand.feature {
+        Some(feature) => cut_out(part, feature, side_max),
+        None => vec![part],
+    });
+    let open = open.flat_map(|part| roots(part, side_max));
     refine(
         canvas,
         open.collect(),

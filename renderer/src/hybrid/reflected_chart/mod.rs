@@ -4,13 +4,14 @@ mod gather;
 pub mod glossy;
 mod integrals;
 pub mod lit_chart;
+mod mirror;
 mod wide;
 mod window;
 
 use super::budget::reflected_chart::PATCHES_MAX;
 use super::budget::{
-    chart_tile_pixels, edged_tile_pixels, glossy as glossy_budget, is_glossy, patch_tile_pixels,
-    reflected_chart,
+    Budget, chart_tile_pixels, edged_tile_pixels, glossy as glossy_budget, is_glossy,
+    patch_tile_pixels, reflected_chart,
 };
 use super::chart_on_film::{ChartOnFilm, project};
 use super::interreflection::Interreflection;
@@ -18,7 +19,8 @@ use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::demand::{Demand, FunctionError, Terms};
 use crate::film::region::Region;
-use crate::film::tiling::{Shade, integrate};
+use crate::film::tiling::{Shade, integrate, integrate_on};
+use crate::hybrid::budget::mirror as mirror_budget;
 use crate::numerics::channels::largest_difference;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -28,6 +30,7 @@ use crate::vector::Vec3;
 use glossy::GlossyChart;
 use integrals::LightBatch;
 use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC, RadiantChart};
+use mirror::NearMirror;
 use wide::ChartOffWideLobe;
 
 /// Adds the chart in the sample to the film; returns evaluations.
@@ -222,12 +225,40 @@ fn add_glossy<const NODES: usize>(
         reflectance,
         function_error,
     };
+    let Some(bounds) = view
+        .sample
+        .polygon()
+        .bounds()
+        .intersection(&canvas.bounds())
+    else {
+        return 0;
+    };
+    let (parts, evaluations) = match detail.around_mirror_image(&view.budget, &bounds) {
+        Some(around) => {
+            let (finer, missed) = match &parabolas.missed {
+                Missed::AtMost(missed) => (None, *missed),
+                Missed::Against(finer) => (Some(finer), 0.0),
+            };
+            let near = NearMirror {
+                view,
+                chart: &parabolas.chart,
+                finer,
+                missed,
+                function_error,
+                accuracy: &accuracy,
+                tolerance: view.budget.glossy_rule,
+            };
+            mirror::add(&near, canvas, (&around, &bounds))
+        }
+        None => (vec![bounds], 0),
+    };
     let shade = ChartOffGlossyLobe {
         chart: parabolas.chart,
         missed: parabolas.missed,
         wide,
     };
-    integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
+    let regions = [whole(view)];
+    evaluations + integrate_on(canvas, &view.sample, (&regions, &parts), &demand, &shade)
 }
 
 /// The longer side of the film in pixels.
@@ -288,6 +319,23 @@ impl Detail {
         } else {
             side
         }
+    }
+
+    /// The part of the film around the chart's image in a near mirror; `None` where the lobe blurs it by too much, patches
+    /// are small, or it is too large.
+    fn around_mirror_image(&self, budget: &Budget, film: &Rectangle) -> Option<Rectangle> {
+        let blur = self.blur[0].max(self.blur[1]);
+        let patch = self.patch[0].min(self.patch[1]);
+        if blur > budget.mirror_blur_max() || patch < mirror_budget::PATCH_MIN {
+            return None;
+        }
+        let image = self.image?;
+        let around = Rectangle {
+            low: image.low.map(|low| (low - mirror_budget::MARGIN).floor()),
+            high: image.high.map(|high| (high + mirror_budget::MARGIN).ceil()),
+        };
+        let around = around.intersection(film)?;
+        (around.area() <= mirror_budget::PIXELS_MAX).then_some(around)
     }
 
     /// All of the chart, where it is too sharp to show far outside of it, or so small that it could hide

@@ -60,6 +60,7 @@ fn through(nodes: Cell) -> Cell {
 }
 
 /// The cells of a chart.
+#[derive(Clone)]
 pub struct LightCells {
     /// The lowest row first.
     pub cells: Vec<Cell>,

@@ -17,8 +17,9 @@ use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 
 /// The chart off a glossy lobe.
+#[derive(Clone)]
 pub struct GlossyChart<'a> {
-    pub(super) reflectance: &'a Reflectance,
+    pub reflectance: &'a Reflectance,
     pub(super) instructions: Instructions,
     /// The chart, in whole patches.
     pub plane: ChartPlane,
@@ -74,6 +75,19 @@ impl<'a> GlossyChart<'a> {
             corners,
             light: LightCells::new(chart),
         }
+    }
+
+    /// The same chart, all of it white.
+    pub fn white(&self) -> Self {
+        Self {
+            colours: vec![[1.0; 3]; self.colours.len()],
+            ..self.clone()
+        }
+    }
+
+    /// The reflectance of the patch in a column and row, counted from the chart's corner.
+    pub fn colour(&self, column: u32, row: u32) -> [f64; 3] {
+        self.colours[self.plane.patch(column, row)]
     }
 }
 

@@ -1,0 +1,391 @@
+//! Means over a pixel of what lies on one side of straight edges that are blurred by a normal distribution.
+//!
+//! An edge is at `distance - gradient . u` for a point u of the pixel, in units of the blur: u is in pixels from the
+//! pixel's middle, and what lies below the edge has the share Phi of that.
+
+use crate::numerics::gauss::GaussRule;
+use crate::numerics::polygon::Polygon;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
+
+/// Points across a pixel by which the first moments are known: they multiply what changes little over a pixel.
+const MOMENT_POINTS: usize = 6;
+
+/// Below this step over a pixel in units of the blur the closed forms lose digits, and three points serve.
+const GENTLE: f64 = 0.3;
+
+/// Points along the integral by which a normal distribution of two variables is known.
+const CORRELATION_POINTS: usize = 5;
+
+/// The largest correlation for which these serve.
+pub const CORRELATION_MAX: f64 = 0.7;
+
+/// Points across a pixel for a corner.
+#[derive(Clone, Copy, Debug)]
+pub struct CornerPoints {
+    pub least: f64,
+    /// So many more for each blur that a pixel is wide.
+    pub per_blur: f64,
+    /// What a share may then be off by: measured by the tests.
+    pub off: f64,
+}
+
+impl CornerPoints {
+    pub const FINE: Self = Self {
+        least: 5.0,
+        per_blur: 1.3,
+        off: 2e-5,
+    };
+
+    pub const COARSE: Self = Self {
+        least: 3.0,
+        per_blur: 0.7,
+        off: 2e-3,
+    };
+}
+
+/// How far from an edge, in blurs, the parts of a pixel are cut along it on which points tell shares.
+const CUTS: [f64; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
+
+/// The steepest edges whose corners are worked out.
+pub const STEEPEST: f64 = 20.0;
+
+/// An edge over a pixel, in units of its blur.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge {
+    pub distance: f64,
+    pub gradient: [f64; 2],
+}
+
+/// Means over a pixel: of a share, and of the share times u.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Means {
+    pub share: f64,
+    pub first: [f64; 2],
+}
+
+impl std::ops::Add for Means {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            share: self.share + other.share,
+            first: [0, 1].map(|axis| self.first[axis] + other.first[axis]),
+        }
+    }
+}
+
+impl std::ops::Sub for Means {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            share: self.share - other.share,
+            first: [0, 1].map(|axis| self.first[axis] - other.first[axis]),
+        }
+    }
+}
+
+/// The normal distribution.
+pub fn normal(t: f64) -> f64 {
+    0.5 * libm::erfc(-FRAC_1_SQRT_2 * t)
+}
+
+/// The normal density.
+fn density(t: f64) -> f64 {
+    libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt()
+}
+
+/// The integrals from far below: of the distribution, of that integral, and of t times the distribution.
+fn integrals(t: f64) -> [f64; 3] {
+    let (below, density) = (normal(t), density(t));
+    let first = t * below + density;
+    let second = 0.5 * ((t * t + 1.0) * below + t * density);
+    let moment = 0.5 * ((t * t - 1.0) * below + t * density);
+    [first, second, moment]
+}
+
+impl Edge {
+    /// How far above a point it lies.
+    pub fn at(&self, u: [f64; 2]) -> f64 {
+        self.distance - self.gradient[0] * u[0] - self.gradient[1] * u[1]
+    }
+
+    /// The point nearest to the pixel's middle on a line `below` the edge, in units of the blur.
+    pub fn foot(&self, below: f64) -> [f64; 2] {
+        let [x, y] = self.gradient;
+        let per_gradient = (self.distance - below) / (x * x + y * y).max(f64::MIN_POSITIVE);
+        [x, y].map(|gradient| gradient * per_gradient)
+    }
+
+    /// Over the pixel.
+    pub fn means(&self) -> Means {
+        let steep = usize::from(self.gradient[1].abs() > self.gradient[0].abs());
+        let [g, h] = [self.gradient[steep], self.gradient[1 - steep]];
+        let mut means = Means::default();
+        if g.abs() < GENTLE {
+            for (u, weight) in GaussRule::of(MOMENT_POINTS).on(-0.5, 0.5) {
+                for (v, other) in GaussRule::of(MOMENT_POINTS).on(-0.5, 0.5) {
+                    let value = weight * other * normal(self.distance - g * u - h * v);
+                    means.share += value;
+                    means.first[steep] += value * u;
+                    means.first[1 - steep] += value * v;
+                }
+            }
+            return means;
+        }
+        for (v, weight) in GaussRule::of(MOMENT_POINTS).on(-0.5, 0.5) {
+            let at = self.distance - h * v;
+            let [low, high] = [at + 0.5 * g, at - 0.5 * g].map(integrals);
+            let share = (low[0] - high[0]) / g;
+            let along = (at * (low[0] - high[0]) - (low[2] - high[2])) / (g * g);
+            means.share += weight * share;
+            means.first[steep] += weight * along;
+            means.first[1 - steep] += weight * share * v;
+        }
+        if h.abs() >= GENTLE {
+            let second = |u: f64, v: f64| integrals(self.distance - g * u - h * v)[1];
+            let sum = second(-0.5, -0.5) + second(0.5, 0.5) - second(-0.5, 0.5) - second(0.5, -0.5);
+            means.share = sum / (g * h);
+        }
+        means
+    }
+}
+
+/// Where two edges meet; `None` where they do not.
+pub fn meeting(a: &Edge, b: &Edge) -> Option<[f64; 2]> {
+    let determinant = a.gradient[0] * b.gradient[1] - a.gradient[1] * b.gradient[0];
+    let point = [
+        (a.distance * b.gradient[1] - b.distance * a.gradient[1]) / determinant,
+        (b.distance * a.gradient[0] - a.distance * b.gradient[0]) / determinant,
+    ];
+    let is_met = point.iter().all(|at| at.is_finite());
+    is_met.then_some(point)
+}
+
+/// The share below two edges at a point where they lie at `a` and `b`, of which the blurs are correlated.
+pub fn below_both([a, b]: [f64; 2], correlation: f64) -> f64 {
+    let product = normal(a) * normal(b);
+    if correlation == 0.0 {
+        return product;
+    }
+    let angle = libm::asin(correlation);
+    let mut sum = 0.0;
+    for (theta, weight) in GaussRule::of(CORRELATION_POINTS).on(0.0, angle) {
+        let (sin, cos) = (libm::sin(theta), libm::cos(theta));
+        let exponent = (a * a + b * b - 2.0 * a * b * sin) / (2.0 * cos * cos);
+        sum += weight * libm::exp(-exponent);
+    }
+    product + sum / (2.0 * PI)
+}
+
+/// Over the pixel, of what lies below two edges; `None` where they are too steep or too much correlated.
+pub fn means_below_both(
+    [a, b]: [&Edge; 2],
+    correlation: f64,
+    points: CornerPoints,
+) -> Option<Means> {
+    let steepest = [a, b]
+        .into_iter()
+        .flat_map(|edge| edge.gradient)
+        .fold(0.0f64, |steepest, gradient| steepest.max(gradient.abs()));
+    if steepest > STEEPEST || correlation.abs() > CORRELATION_MAX {
+        return None;
+    }
+    let rule = GaussRule::of((points.least + points.per_blur * steepest) as usize);
+    let mut means = Means::default();
+    for (u, weight) in rule.on(-0.5, 0.5) {
+        for (v, other) in rule.on(-0.5, 0.5) {
+            let value =
+                weight * other * below_both([a, b].map(|edge| edge.at([u, v])), correlation);
+            means.share += value;
+            means.first[0] += value * u;
+            means.first[1] += value * v;
+        }
+    }
+    Some(means)
+}
+
+/// Points of a part of the pixel about a film point, from there, and their weights: on pieces that none of the edges
+/// crosses with more than a part of its blur.
+pub fn points_of<'a>(
+    part: &Polygon,
+    middle: [f64; 2],
+    edges: impl Iterator<Item = &'a Edge>,
+) -> Vec<([f64; 2], f64)> {
+    let from_middle = |at: [f64; 2]| [0, 1].map(|axis| at[axis] - middle[axis]);
+    let mut pieces = vec![*part];
+    for edge in edges {
+        for cut in CUTS {
+            let beyond = |at| edge.at(from_middle(at)) - cut;
+            pieces = pieces
+                .iter()
+                .flat_map(|piece| [piece.cut(beyond), piece.cut(|at| -beyond(at))])
+                .filter(|piece| !piece.is_empty())
+                .collect();
+        }
+    }
+    let mut points = Vec::new();
+    for piece in &pieces {
+        piece.for_each_point(|at, weight| points.push((from_middle(at), weight)));
+    }
+    points
+}
+
+/// The means of a share by such points.
+pub fn means_by(points: &[([f64; 2], f64)], share: &dyn Fn([f64; 2]) -> f64) -> Means {
+    let mut means = Means::default();
+    for &(u, weight) in points {
+        let value = weight * share(u);
+        means.share += value;
+        means.first[0] += value * u[0];
+        means.first[1] += value * u[1];
+    }
+    means
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By many points.
+    fn by_points(share: impl Fn([f64; 2]) -> f64) -> Means {
+        const SIDE: u32 = 400;
+        let mut means = Means::default();
+        let at = |index: u32| (f64::from(index) + 0.5) / f64::from(SIDE) - 0.5;
+        for u in (0..SIDE).map(at) {
+            for v in (0..SIDE).map(at) {
+                let value = share([u, v]) / f64::from(SIDE * SIDE);
+                means.share += value;
+                means.first[0] += value * u;
+                means.first[1] += value * v;
+            }
+        }
+        means
+    }
+
+    const EDGES: [Edge; 7] = [
+        Edge {
+            distance: 0.3,
+            gradient: [7.0, 0.1],
+        },
+        Edge {
+            distance: -1.2,
+            gradient: [-3.0, 5.0],
+        },
+        Edge {
+            distance: 2.0,
+            gradient: [0.2, -9.0],
+        },
+        Edge {
+            distance: 0.1,
+            gradient: [0.1, 0.2],
+        },
+        Edge {
+            distance: 0.0,
+            gradient: [15.0, 15.0],
+        },
+        Edge {
+            distance: 6.0,
+            gradient: [-12.0, -0.29],
+        },
+        Edge {
+            distance: -9.0,
+            gradient: [1.0, 0.31],
+        },
+    ];
+
+    #[test]
+    fn means_by_an_edge_are_those_by_points() {
+        for edge in EDGES {
+            let (means, expected) = (edge.means(), by_points(|u| normal(edge.at(u))));
+            assert!(
+                (means.share - expected.share).abs() < 1e-5,
+                "{edge:?} {means:?} {expected:?}"
+            );
+            for (first, expected) in means.first.iter().zip(expected.first) {
+                assert!(
+                    (first - expected).abs() < 2e-3,
+                    "{edge:?}: {first} {expected}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn means_by_a_corner_are_those_by_points() {
+        for (index, a) in EDGES.iter().enumerate() {
+            let b = &EDGES[(index + 3) % EDGES.len()];
+            for correlation in [0.0, 0.1, -0.6] {
+                let fine = CornerPoints::FINE;
+                let means = means_below_both([a, b], correlation, fine).expect("gentle enough");
+                let expected = by_points(|u| below_both([a.at(u), b.at(u)], correlation));
+                let off = (means.share - expected.share).abs();
+                assert!(off < fine.off, "{a:?} {b:?} {correlation}: {off}");
+                for (first, expected) in means.first.iter().zip(expected.first) {
+                    assert!((first - expected).abs() < 2e-5);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn coarse_corners_are_off_by_less_than_stated() {
+        for (index, a) in EDGES.iter().enumerate() {
+            let b = &EDGES[(index + 3) % EDGES.len()];
+            let [coarse, fine] = [CornerPoints::COARSE, CornerPoints::FINE]
+                .map(|points| means_below_both([a, b], 0.3, points).expect("gentle enough"));
+            let off = (coarse.share - fine.share).abs();
+            assert!(off < CornerPoints::COARSE.off, "{a:?} {b:?}: {off}");
+        }
+    }
+
+    #[test]
+    fn parts_of_a_pixel_are_what_the_edge_leaves_of_them() {
+        let middle = [4.5, 7.5];
+        let whole = Polygon::quadrilateral([[4.0, 7.0], [5.0, 7.0], [5.0, 8.0], [4.0, 8.0]]);
+        for edge in EDGES {
+            let points = points_of(&whole, middle, [edge].iter());
+            let means = means_by(&points, &|u| normal(edge.at(u)));
+            let expected = edge.means();
+            assert!(
+                (means.share - expected.share).abs() < 2e-5,
+                "{edge:?} {means:?}"
+            );
+            let half = whole.cut(|[column, _]| 4.5 - column);
+            let points = points_of(&half, middle, [edge].iter());
+            let means = means_by(&points, &|u| normal(edge.at(u)));
+            let expected = by_points(|u| if u[0] < 0.0 { normal(edge.at(u)) } else { 0.0 });
+            assert!(
+                (means.share - expected.share).abs() < 2e-5,
+                "{edge:?} {means:?}"
+            );
+            assert!((means.first[0] - expected.first[0]).abs() < 2e-5);
+        }
+    }
+
+    /// Against the distribution along one variable for each value of the other.
+    #[test]
+    fn two_correlated_blurs_are_what_their_density_says() {
+        for correlation in [0.3, -0.3, 0.65, -0.65] {
+            let spread = libm::sqrt(1.0 - correlation * correlation);
+            for [a, b] in [
+                [0.3, -0.2],
+                [1.5, 1.0],
+                [-2.0, 1.0],
+                [0.0, 0.0],
+                [-1.0, -1.5],
+            ] {
+                let rule = GaussRule::of(64);
+                let expected: f64 = rule
+                    .on(-9.0, a)
+                    .map(|(t, weight)| weight * density(t) * normal((b - correlation * t) / spread))
+                    .sum();
+                let found = below_both([a, b], correlation);
+                assert!(
+                    (found - expected).abs() < 1e-5,
+                    "{a} {b} {correlation}: {found} {expected}"
+                );
+            }
+        }
+    }
+}
