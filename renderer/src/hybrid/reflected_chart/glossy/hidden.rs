@@ -171,8 +171,9 @@ mod tests {
     #[test]
     fn of_many_groups_only_the_whole_chart_is_looked_at() {
         let plane = plane(64, 64);
-        let speckled = |index: u32| [f64::from(u8::from(index % 2 == 0 && index / 64 % 2 == 0)); 3];
-        let colours: Vec<_> = (0..64 * 64).map(speckled).collect();
+        let is_even = |index: u32| index.is_multiple_of(2);
+        let speckled = (0..64 * 64).map(|index| is_even(index) && is_even(index / 64));
+        let colours: Vec<_> = speckled.map(|lit| [f64::from(u8::from(lit)); 3]).collect();
         assert_eq!(ends(&plane, &colours), [[0.0, 0.0, 64.0, 64.0]]);
     }
 

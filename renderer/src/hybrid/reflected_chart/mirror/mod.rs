@@ -301,9 +301,8 @@ impl<'a> Worker<'a> {
             let blur = self
                 .mirror
                 .blur(self.mirror.film_point(position)?, position)?;
-            for axis in 0..2 {
-                let margin = (self.reach * blur.widths[axis]).min(1.0 / 3.0);
-                margins[axis] = margins[axis].max(margin);
+            for (margin, width) in margins.iter_mut().zip(blur.widths) {
+                *margin = margin.max((self.reach * width).min(1.0 / 3.0));
             }
         }
         Some([0, 1].map(|axis| {
