@@ -346,7 +346,8 @@ pub mod direct {
     /// beyond it the corners say too little of what lies between them. Chosen.
     pub const CURVATURE_MAX: f64 = 0.25;
 
-    /// A bulb is dark where the lobe has fallen by more e-folds than this: no light is so bright that 4e-44 of it counts.
+    /// A bulb is dark where the lobe has fallen by more e-folds than this: no light is so bright that 4e-44 of it
+    /// counts.
     pub const DARK_EXPONENT: f64 = 100.0;
 
     /// No series of a tile follows an edge over more than this many widths of the lobe. Chosen.
@@ -481,8 +482,8 @@ pub mod glossy {
     /// moments would lose their digits. At the lobe's end, five widths out, they keep nine.
     pub const SPAN_MIN: f64 = 0.5;
 
-    /// Widths of the lobe that a group of patches shows beyond its edges, for the nodes of a tile. Chosen: what an edge's
-    /// blur asks of a tile ([`TILE`]) leaves 3.5 between two nodes.
+    /// Widths of the lobe that a group of patches shows beyond its edges, for the nodes of a tile. Chosen: what an
+    /// edge's blur asks of a tile ([`TILE`]) leaves 3.5 between two nodes.
     pub const HIDDEN_WIDTHS: f64 = 4.0;
 
     /// Widths of the lobe beyond its edges at which a group of patches is dark. Chosen: the lobe falls to 4e-6.
@@ -505,8 +506,8 @@ pub mod glossy {
 
 /// The chart in a near mirror.
 pub mod mirror {
-    /// The largest blur in pixels: of larger ones tiles hold the edges for less. Measured on the preset's views 4 and 5,
-    /// for a roughness of 0.3 to 3 percent: at the preset's target and at one a hundred times as large.
+    /// The largest blur in pixels: of larger ones tiles hold the edges for less. Measured on the preset's views 4 and
+    /// 5, for a roughness of 0.3 to 3 percent: at the preset's target and at one a hundred times as large.
     pub(super) const BLUR_MAX: f64 = 0.12;
     pub(super) const BLUR_MAX_COARSE: f64 = 0.35;
 

@@ -321,8 +321,8 @@ impl Detail {
         }
     }
 
-    /// The part of the film around the chart's image in a near mirror; `None` where the lobe blurs it by too much, patches
-    /// are small, or it is too large.
+    /// The part of the film around the chart's image in a near mirror; `None` where the lobe blurs it by too much,
+    /// patches are small, or it is too large.
     fn around_mirror_image(&self, budget: &Budget, film: &Rectangle) -> Option<Rectangle> {
         let blur = self.blur[0].max(self.blur[1]);
         let patch = self.patch[0].min(self.patch[1]);

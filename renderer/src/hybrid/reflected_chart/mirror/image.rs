@@ -126,8 +126,8 @@ impl<'a> Mirror<'a> {
         Some(edge(self.divisor.at(on_line), &blur))
     }
 
-    /// How a position is blurred at a film point that leads to it: by what facets a standard deviation of the lobe off do
-    /// along its axes. `None` where they miss the chart's plane.
+    /// How a position is blurred at a film point that leads to it: by what facets a standard deviation of the lobe off
+    /// do along its axes. `None` where they miss the chart's plane.
     pub fn blur(&self, film_point: [f64; 2], at: [f64; 2]) -> Option<Blur> {
         let (position, wo) = self.view.sample_point(film_point);
         let lobe = &self.reflectance.lobe;

@@ -69,8 +69,8 @@ type Stretch = (usize, u32, u32);
 /// White light by column and row of patches.
 type WhiteChart = BTreeMap<(u32, u32), WhitePatch>;
 
-/// Adds what it can of the light within `bounds`, which is `around` the chart's image; returns the parts of the film that
-/// are left, and evaluations.
+/// Adds what it can of the light within `bounds`, which is `around` the chart's image; returns the parts of the film
+/// that are left, and evaluations.
 pub fn add(
     near: &NearMirror<'_>,
     canvas: &mut Canvas<'_>,
@@ -292,8 +292,8 @@ impl<'a> Worker<'a> {
         Counted { of, evaluations }
     }
 
-    /// Where a patch begins and ends along each axis, without what is so near to the chart's ends that white light is less
-    /// there, but for no more than a third of it.
+    /// Where a patch begins and ends along each axis, without what is so near to the chart's ends that white light is
+    /// less there, but for no more than a third of it.
     fn ends(&self, (column, row): (u32, u32)) -> Option<[[f64; 2]; 2]> {
         let mut margins = [0.0f64; 2];
         for [right, up] in [[0, 0], [1, 0], [0, 1], [1, 1]] {
