@@ -88,7 +88,7 @@ pub struct Cell {
     pub missed: f64,
 }
 
-/// White light at a film point, and what the rule misses of it if that `is_looked_at`; `None` where there is none.
+/// White light at a film point, and what the rule misses of it and the light on the chart, if that is looked at.
 pub type Light<'a> = dyn FnMut([f64; 2], bool) -> ([f64; 3], f64) + 'a;
 
 impl Cell {
