@@ -258,12 +258,11 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         corners: &[[f64; 2]],
         effort: Effort,
     ) -> Option<[Rectangle; 2]> {
-        let sides = rectangle.sides();
-        let longest = usize::from(sides[1] > sides[0]);
-        let hides = effort != Effort::None
-            && sides[longest] > HIDING_MIN
-            && self.shade.hides_between(corners);
-        hides.then(|| rectangle.halves(longest))
+        if effort == Effort::None {
+            return None;
+        }
+        let axis = self.shade.hides_between(rectangle, corners)?;
+        (rectangle.sides()[axis] > HIDING_MIN).then(|| rectangle.halves(axis))
     }
 
     /// Works out a rectangle on which there is something of the outline.

@@ -33,10 +33,10 @@ pub trait Shade: Sync {
         false
     }
 
-    /// Whether all nodes of a tile may miss a part of the function. `corners` are those of what the outline leaves of
-    /// the tile.
-    fn hides_between(&self, _corners: &[[f64; 2]]) -> bool {
-        false
+    /// Whether all nodes of a tile may miss a part of the function: along which axis it is then to be halved. `corners`
+    /// are those of what the outline leaves of the tile.
+    fn hides_between(&self, _tile: &Rectangle, _corners: &[[f64; 2]]) -> Option<usize> {
+        None
     }
 
     /// What the function may be off by on a part of a pixel that no rule shows.

@@ -27,7 +27,7 @@ use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-use glossy::GlossyChart;
+use glossy::{GlossyChart, SeenFrom};
 use integrals::LightBatch;
 use lit_chart::{LitChart, Missed, PARABOLA, QUARTIC, RadiantChart};
 use mirror::NearMirror;
@@ -406,8 +406,12 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         self.has_wide_rules()
     }
 
-    fn hides_between(&self, corners: &[[f64; 2]]) -> bool {
-        let seen = corners.iter().map(|&at| self.wide.view.sample_point(at));
+    fn hides_between(&self, tile: &Rectangle, corners: &[[f64; 2]]) -> Option<usize> {
+        let seen = corners.iter().map(|&at| {
+            let (position, wo) = self.wide.view.sample_point(at);
+            let at = [0, 1].map(|axis| tile.local(axis, at[axis]));
+            SeenFrom { at, position, wo }
+        });
         self.chart.hides_between(&seen.collect::<Vec<_>>())
     }
 

@@ -60,26 +60,39 @@ fn runs(count: u32, holds: impl Fn(u32) -> bool) -> Vec<[u32; 2]> {
     runs
 }
 
+/// A corner of a tile.
+pub struct SeenFrom {
+    /// Where in the tile: -1 to 1 along its sides.
+    pub at: [f64; 2],
+    /// The point of the sample (the world's frame).
+    pub position: Vec3,
+    /// To the viewer (unit, the world's frame).
+    pub wo: Vec3,
+}
+
 impl GlossyChart<'_> {
-    /// Whether a tile's nodes may all miss a group of patches, by what its corners see: for each the point of the
-    /// sample and the direction to the viewer (unit, the world's frame).
-    pub fn hides_between(&self, corners: &[(Vec3, Vec3)]) -> bool {
+    /// Whether a tile's nodes may all miss a group of patches, by what its corners see: the side of the tile along
+    /// which that moves fastest.
+    pub fn hides_between(&self, corners: &[SeenFrom]) -> Option<usize> {
         let lobe = &self.reflectance.lobe;
         let corners: Vec<_> = corners
             .iter()
-            .map(|&(position, wo)| (lobe.to_lobe(position), lobe.to_lobe(wo)))
+            .map(|seen| (seen.at, lobe.to_lobe(seen.position), lobe.to_lobe(seen.wo)))
             .collect();
         let widths = [lobe.n_u, lobe.n_v].map(|n| (1.0 / n).sqrt());
-        self.groups.iter().any(|group| {
-            let seen: Option<Vec<_>> = corners
+        self.groups.iter().find_map(|group| {
+            let seen: Vec<_> = corners
                 .iter()
-                .map(|&(position, wo)| slopes(group, position, wo))
-                .collect();
-            seen.is_some_and(|seen| {
-                let along =
-                    [0, 1].map(|axis| along(seen.iter().map(|seen| &seen[axis]), widths[axis]));
-                along.iter().all(|along| along.shows) && along.iter().any(|along| along.is_thin)
-            })
+                .map(|&(at, position, wo)| Some((at, slopes(group, position, wo)?)))
+                .collect::<Option<_>>()?;
+            let along = [0, 1].map(|axis| {
+                let of_axis = seen.iter().map(|(at, slopes)| (*at, &slopes[axis]));
+                along(of_axis, widths[axis])
+            });
+            if !along.iter().all(|along| along.shows) {
+                return None;
+            }
+            along.iter().find_map(|along| along.thin_along)
         })
     }
 }
@@ -100,21 +113,24 @@ fn slopes(group: &Corners, position: Vec3, wo: Vec3) -> Option<[[f64; 4]; 2]> {
 struct Along {
     /// Whether it may show.
     shows: bool,
-    /// Whether it may be shorter than what lies between two nodes.
-    is_thin: bool,
+    /// The side of the tile along which it moves fastest, if it may be shorter than what lies between two nodes.
+    thin_along: Option<usize>,
 }
 
 /// By the slopes of the group's corners at each of the tile's, and by the lobe's width.
-fn along<'a>(seen: impl Iterator<Item = &'a [f64; 4]>, width: f64) -> Along {
+fn along<'a>(seen: impl Iterator<Item = ([f64; 2], &'a [f64; 4])>, width: f64) -> Along {
     let [mut all, mut middle, mut across, mut up] = [[f64::INFINITY, f64::NEG_INFINITY]; 4];
     let widen = |range: &mut [f64; 2], value: f64| {
         *range = [range[0].min(value), range[1].max(value)];
     };
-    for &[a, b, c, d] in seen {
+    let mut sums = PlaneSums::default();
+    for (at, &[a, b, c, d]) in seen {
         for slope in [a, b, c, d] {
             widen(&mut all, slope);
         }
-        widen(&mut middle, 0.25 * (a + b + c + d));
+        let mean = 0.25 * (a + b + c + d);
+        widen(&mut middle, mean);
+        sums.add(at, mean);
         widen(&mut across, 0.5 * (b + c - a - d));
         widen(&mut up, 0.5 * (c + d - a - b));
     }
@@ -122,9 +138,46 @@ fn along<'a>(seen: impl Iterator<Item = &'a [f64; 4]>, width: f64) -> Along {
     let least = |[low, high]: [f64; 2]| low.max(-high).max(0.0);
     let shown = least(across).max(least(up)) + HIDDEN_WIDTHS * width;
     let reach = HIDDEN_REACH * width;
+    let is_thin = chart_tile_pixels(shown) < middle[1] - middle[0];
     Along {
         shows: all[0] <= reach && all[1] >= -reach,
-        is_thin: chart_tile_pixels(shown) < middle[1] - middle[0],
+        thin_along: is_thin.then(|| sums.steeper()),
+    }
+}
+
+/// What the plane through values nearest to them is made of.
+#[derive(Default)]
+struct PlaneSums {
+    count: f64,
+    at: [f64; 2],
+    squares: [f64; 2],
+    product: f64,
+    value: f64,
+    values: [f64; 2],
+}
+
+impl PlaneSums {
+    fn add(&mut self, at: [f64; 2], value: f64) {
+        self.count += 1.0;
+        self.value += value;
+        self.product += at[0] * at[1];
+        for axis in 0..2 {
+            self.at[axis] += at[axis];
+            self.squares[axis] += at[axis] * at[axis];
+            self.values[axis] += at[axis] * value;
+        }
+    }
+
+    /// The axis along which it rises or falls faster.
+    fn steeper(&self) -> usize {
+        let per = 1.0 / self.count;
+        let spread = [0, 1].map(|axis| self.squares[axis] - per * self.at[axis] * self.at[axis]);
+        let product = self.product - per * self.at[0] * self.at[1];
+        let moved = [0, 1].map(|axis| self.values[axis] - per * self.at[axis] * self.value);
+        // Both times the determinant.
+        let across = moved[0] * spread[1] - moved[1] * product;
+        let up = moved[1] * spread[0] - moved[0] * product;
+        usize::from(up.abs() > across.abs())
     }
 }
 
@@ -179,14 +232,34 @@ mod tests {
 
     #[test]
     fn a_chart_seen_along_itself_is_thin() {
-        let along = |seen: &[[f64; 4]]| along(seen.iter(), 1e-3);
+        let along = |seen: &[[f64; 4]]| {
+            let at = [[-1.0, 0.0], [1.0, 0.1]].into_iter();
+            along(at.zip(seen), 1e-3)
+        };
         // Slopes from -1 to 1 over the tile: half a unit across all of it.
         let wide = [[-1.25, -0.75, -0.75, -1.25], [0.75, 1.25, 1.25, 0.75]];
-        assert!(along(&wide).shows && !along(&wide).is_thin);
+        assert!(along(&wide).shows && along(&wide).thin_along.is_none());
         // The chart's sides change places from one end of the tile to the other.
         let turned = [[-1.25, -0.75, -0.75, -1.25], [1.25, 0.75, 0.75, 1.25]];
-        assert!(along(&turned).shows && along(&turned).is_thin);
+        assert!(along(&turned).shows && along(&turned).thin_along.is_some());
         let beside = [[0.1, 0.2, 0.2, 0.1], [0.3, 0.4, 0.4, 0.3]];
         assert!(!along(&beside).shows);
+    }
+
+    #[test]
+    fn the_steeper_axis_is_that_of_the_plane() {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [0.7, 1.0], [-1.0, 0.4]];
+        for (slopes, steeper) in [
+            ([1.0, 0.3], 0),
+            ([-0.2, 0.5], 1),
+            ([0.4, -0.6], 1),
+            ([-2.0, 1.9], 0),
+        ] {
+            let mut sums = PlaneSums::default();
+            for at in corners {
+                sums.add(at, 7.0 + slopes[0] * at[0] + slopes[1] * at[1]);
+            }
+            assert_eq!(sums.steeper(), steeper, "{slopes:?}");
+        }
     }
 }

@@ -28,6 +28,7 @@ mod wide_axis;
 use crate::hybrid::budget::glossy::CORNERS_AN_EVALUATION;
 use crate::numerics::tolerance::Tolerance;
 use crate::vector::Vec3;
+pub use hidden::SeenFrom;
 use line::add_lines;
 pub use point::GlossyChart;
 use point::Point;

@@ -117,7 +117,7 @@ pub fn add(
             }
         }
     }
-    (left, evaluations)
+    (stacked(left), evaluations)
 }
 
 /// Whether the chart may show beyond what was looked at.
@@ -143,6 +143,26 @@ fn push(rows: &mut Vec<Rectangle>, column: u32, row: u32) {
         }
         _ => rows.push(pixel),
     }
+}
+
+/// Rows that lie upon each other and are as long made one: tiles may then be higher than a pixel.
+fn stacked(rows: Vec<Rectangle>) -> Vec<Rectangle> {
+    let mut stacks: Vec<Rectangle> = Vec::new();
+    let mut last_of = BTreeMap::new();
+    for row in rows {
+        let columns = [row.low[0], row.high[0]].map(|column| column as u32);
+        match last_of
+            .get(&columns)
+            .map(|&index: &usize| &mut stacks[index])
+        {
+            Some(stack) if stack.high[1] == row.low[1] => stack.high[1] = row.high[1],
+            _ => {
+                last_of.insert(columns, stacks.len());
+                stacks.push(row);
+            }
+        }
+    }
+    stacks
 }
 
 struct Worker<'a> {
