@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI};
 /// Points across a pixel by which the first moments are known: they multiply what changes little over a pixel.
 const MOMENT_POINTS: usize = 6;
 
-/// Below this step over a pixel in units of the blur the closed forms lose digits, and three points serve.
+/// Below this step over a pixel, in units of the blur, the closed forms lose digits, and [`MOMENT_POINTS`] serve.
 const GENTLE: f64 = 0.3;
 
 /// Points along the integral by which a normal distribution of two variables is known.
