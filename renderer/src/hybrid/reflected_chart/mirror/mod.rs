@@ -494,3 +494,40 @@ impl White {
         white
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The pixels of parts of the film, each as often as it stands in them.
+    fn pixels_of(parts: &[Rectangle]) -> Vec<(u32, u32)> {
+        let mut pixels: Vec<_> = parts.iter().flat_map(Rectangle::pixels).collect();
+        pixels.sort_unstable();
+        pixels
+    }
+
+    #[test]
+    fn what_is_left_is_stacked_and_none_of_it_lost_or_doubled() {
+        let (mut rows, mut left) = (Vec::new(), Vec::new());
+        for row in 0..12 {
+            for column in 0..9 {
+                // A column two pixels wide with a gap, a slanted edge, and a row.
+                let is_upright = column < 2 && row != 5;
+                if is_upright || column == 3 + row / 3 || row == 8 {
+                    push(&mut rows, column, row);
+                    left.push((column, row));
+                }
+            }
+        }
+        left.sort_unstable();
+        assert_eq!(pixels_of(&rows), left);
+        let stacks = stacked(rows.clone());
+        assert_eq!(pixels_of(&stacks), left);
+        assert!(
+            stacks.len() < rows.len() / 2,
+            "{} of {}",
+            stacks.len(),
+            rows.len()
+        );
+    }
+}
