@@ -523,14 +523,22 @@ pub mod mirror {
     /// Evaluations that a row of pixels may take. Estimated.
     pub const EVALUATIONS_A_ROW: u64 = 2_000;
 
-    /// Of the pixels along an edge one in so many is looked at. Chosen.
+    /// What a parabola over a pixel makes of the mean over a part of it is off by this share of what it makes of the
+    /// whole, at most. Derived: the integral of u^2 - 1/12 over where that is positive, over 1/12.
+    pub const BEND: f64 = 0.39;
+
+    /// Of the pixels along an edge one in so many is looked at, and the first. Chosen.
     pub const LOOKS: u32 = 8;
 
     /// The share of the target that the polynomials may miss which tell white light. Chosen.
     pub const WHITE_SHARE: f64 = 0.1;
 
-    /// The most cells along a patch's side on which they tell it. A limit on work.
-    pub const PARTS_MAX: u32 = 4;
+    /// Light on the chart by polynomials on parts half as long is off by this share of what it differs from that on the
+    /// longer parts by. Parabolas are off by an eighth as much on them; chosen larger.
+    pub const FINER_SHARE: f64 = 0.25;
+
+    /// Levels by which the rule may be finer that white light is known by. A limit on work.
+    pub const FINER_RULES: u32 = 2;
 
     /// The share of the target that an edge farther than the reach may be off by. Chosen.
     const TAIL_SHARE: f64 = 0.02;

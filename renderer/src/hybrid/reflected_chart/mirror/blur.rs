@@ -5,7 +5,7 @@
 
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::polygon::Polygon;
-use std::f64::consts::{FRAC_1_SQRT_2, PI};
+use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 
 /// Points across a pixel by which the first moments are known: they multiply what changes little over a pixel.
 const MOMENT_POINTS: usize = 6;
@@ -13,11 +13,10 @@ const MOMENT_POINTS: usize = 6;
 /// Below this step over a pixel, in units of the blur, the closed forms lose digits, and [`MOMENT_POINTS`] serve.
 const GENTLE: f64 = 0.3;
 
-/// Points along the integral by which a normal distribution of two variables is known.
-const CORRELATION_POINTS: usize = 5;
-
-/// The largest correlation for which these serve.
-pub const CORRELATION_MAX: f64 = 0.7;
+/// Points along the integral by which a normal distribution of two variables is known, up to a correlation; and the
+/// largest for which any serve.
+const CORRELATION_POINTS: [(f64, usize); 2] = [(0.7, 5), (CORRELATION_MAX, 12)];
+pub const CORRELATION_MAX: f64 = 0.9;
 
 /// Points across a pixel for a corner.
 #[derive(Clone, Copy, Debug)]
@@ -43,11 +42,18 @@ impl CornerPoints {
     };
 }
 
+/// From here on edges are looked at across all of their fall. Chosen: what they are off by to either side then cancels
+/// in most pixels.
+const NARROW: f64 = 12.0;
+
+/// Points across an edge, a blur apart: beyond them it falls by less than 1e-4.
+const ACROSS: usize = 9;
+
 /// How far from an edge, in blurs, the parts of a pixel are cut along it on which points tell shares.
 const CUTS: [f64; 5] = [-4.0, -2.0, 0.0, 2.0, 4.0];
 
-/// The steepest edges whose corners are worked out.
-pub const STEEPEST: f64 = 20.0;
+/// The steepest edges whose corners are known by points across the pixel. Of steeper ones by [`points_of`].
+const STEEPEST: f64 = 20.0;
 
 /// An edge over a pixel, in units of its blur.
 #[derive(Clone, Copy, Debug)]
@@ -105,6 +111,17 @@ fn integrals(t: f64) -> [f64; 3] {
 }
 
 impl Edge {
+    /// How much it changes along a column or a row, at most.
+    fn steepest(&self) -> f64 {
+        let [x, y] = self.gradient;
+        x.abs().max(y.abs())
+    }
+
+    /// Whether it is blurred by too little for points across the pixel.
+    pub fn is_steep(&self) -> bool {
+        self.steepest() > STEEPEST
+    }
+
     /// How far above a point it lies.
     pub fn at(&self, u: [f64; 2]) -> f64 {
         self.distance - self.gradient[0] * u[0] - self.gradient[1] * u[1]
@@ -115,6 +132,22 @@ impl Edge {
         let [x, y] = self.gradient;
         let per_gradient = (self.distance - below) / (x * x + y * y).max(f64::MIN_POSITIVE);
         [x, y].map(|gradient| gradient * per_gradient)
+    }
+
+    /// Whether it falls within little more than a pixel.
+    pub fn is_narrow(&self) -> bool {
+        self.steepest() > NARROW
+    }
+
+    /// Points across it at equal steps of a blur.
+    pub fn across(&self) -> [[f64; 2]; ACROSS] {
+        std::array::from_fn(|index| self.foot(index as f64 - 0.5 * (ACROSS - 1) as f64))
+    }
+
+    /// How long it is on a pixel at most, in units of its blur: the share of the pixel on which it falls by one.
+    pub fn length_max(&self) -> f64 {
+        let [x, y] = self.gradient;
+        SQRT_2 / (x * x + y * y).sqrt()
     }
 
     /// Over the pixel.
@@ -169,8 +202,14 @@ pub fn below_both([a, b]: [f64; 2], correlation: f64) -> f64 {
         return product;
     }
     let angle = libm::asin(correlation);
+    let [(moderate, few), (_, many)] = CORRELATION_POINTS;
+    let points = if correlation.abs() <= moderate {
+        few
+    } else {
+        many
+    };
     let mut sum = 0.0;
-    for (theta, weight) in GaussRule::of(CORRELATION_POINTS).on(0.0, angle) {
+    for (theta, weight) in GaussRule::of(points).on(0.0, angle) {
         let (sin, cos) = (libm::sin(theta), libm::cos(theta));
         let exponent = (a * a + b * b - 2.0 * a * b * sin) / (2.0 * cos * cos);
         sum += weight * libm::exp(-exponent);
@@ -178,19 +217,9 @@ pub fn below_both([a, b]: [f64; 2], correlation: f64) -> f64 {
     product + sum / (2.0 * PI)
 }
 
-/// Over the pixel, of what lies below two edges; `None` where they are too steep or too much correlated.
-pub fn means_below_both(
-    [a, b]: [&Edge; 2],
-    correlation: f64,
-    points: CornerPoints,
-) -> Option<Means> {
-    let steepest = [a, b]
-        .into_iter()
-        .flat_map(|edge| edge.gradient)
-        .fold(0.0f64, |steepest, gradient| steepest.max(gradient.abs()));
-    if steepest > STEEPEST || correlation.abs() > CORRELATION_MAX {
-        return None;
-    }
+/// Over the pixel, of what lies below two edges that are not steep.
+pub fn means_below_both([a, b]: [&Edge; 2], correlation: f64, points: CornerPoints) -> Means {
+    let steepest = a.steepest().max(b.steepest());
     let rule = GaussRule::of((points.least + points.per_blur * steepest) as usize);
     let mut means = Means::default();
     for (u, weight) in rule.on(-0.5, 0.5) {
@@ -202,7 +231,7 @@ pub fn means_below_both(
             means.first[1] += value * v;
         }
     }
-    Some(means)
+    means
 }
 
 /// Points of a part of the pixel about a film point, from there, and their weights: on pieces that none of the edges
@@ -317,7 +346,7 @@ mod tests {
             let b = &EDGES[(index + 3) % EDGES.len()];
             for correlation in [0.0, 0.1, -0.6] {
                 let fine = CornerPoints::FINE;
-                let means = means_below_both([a, b], correlation, fine).expect("gentle enough");
+                let means = means_below_both([a, b], correlation, fine);
                 let expected = by_points(|u| below_both([a.at(u), b.at(u)], correlation));
                 let off = (means.share - expected.share).abs();
                 assert!(off < fine.off, "{a:?} {b:?} {correlation}: {off}");
@@ -333,7 +362,7 @@ mod tests {
         for (index, a) in EDGES.iter().enumerate() {
             let b = &EDGES[(index + 3) % EDGES.len()];
             let [coarse, fine] = [CornerPoints::COARSE, CornerPoints::FINE]
-                .map(|points| means_below_both([a, b], 0.3, points).expect("gentle enough"));
+                .map(|points| means_below_both([a, b], 0.3, points));
             let off = (coarse.share - fine.share).abs();
             assert!(off < CornerPoints::COARSE.off, "{a:?} {b:?}: {off}");
         }
@@ -366,7 +395,7 @@ mod tests {
     /// Against the distribution along one variable for each value of the other.
     #[test]
     fn two_correlated_blurs_are_what_their_density_says() {
-        for correlation in [0.3, -0.3, 0.65, -0.65] {
+        for correlation in [0.3, -0.3, 0.65, -0.65, 0.75, 0.9, -0.9] {
             let spread = libm::sqrt(1.0 - correlation * correlation);
             for [a, b] in [
                 [0.3, -0.2],

@@ -8,6 +8,7 @@
 
 mod blur;
 mod image;
+mod looks;
 mod pixel;
 mod white;
 
@@ -24,10 +25,11 @@ use crate::parallel;
 use blur::CornerPoints;
 use dataset::specification::Accuracy;
 use image::Mirror;
+use looks::{Looks, Off, Place};
 use pixel::{Along, Pixel};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use white::{Cell, WhitePatch};
+use white::{Cell, WhiteLight, WhitePatch};
 
 /// What a near mirror shows, and how well it has to.
 pub struct NearMirror<'a> {
@@ -60,11 +62,10 @@ struct Counted<T> {
 /// What a pixel comes to.
 struct Value {
     value: [f64; 3],
-    error: f64,
+    /// What is missed here, and beside it what the light on the chart may be off by.
+    missed: f64,
+    function_error: f64,
 }
-
-/// A stretch of an edge: the axis that it crosses, its number along that, and the patch beside it along the other.
-type Stretch = (usize, u32, u32);
 
 /// White light by column and row of patches.
 type WhiteChart = BTreeMap<(u32, u32), WhitePatch>;
@@ -88,18 +89,18 @@ pub fn add(
         of: white,
         mut evaluations,
     } = worker.white(&pixels);
-    let looks = parallel::map(
+    let firsts = worker.first_of_stretches(&pixels);
+    let looked_at = parallel::map(
         &pixels,
         budget::EVALUATIONS_A_ROW,
-        |scratch, (_, pixels)| worker.look(pixels, &white, scratch),
-        |looks| looks.evaluations,
+        |scratch, (_, pixels)| worker.look(pixels, &firsts, &white, scratch),
+        |row| row.evaluations,
     );
-    let mut stretches = BTreeMap::new();
-    for look in &looks {
-        evaluations += look.evaluations;
-        for &(stretch, off) in &look.of {
-            let most: &mut f64 = stretches.entry(stretch).or_default();
-            *most = most.max(off);
+    let mut looks = Looks::default();
+    for row in looked_at {
+        evaluations += row.evaluations;
+        for (place, off) in row.of {
+            looks.add(place, off);
         }
     }
     let mut left = Vec::new();
@@ -109,7 +110,7 @@ pub fn add(
                 Found::Dark => true,
                 Found::Left => false,
                 Found::Lit(pixel) => worker
-                    .value(pixel, &white, &stretches)
+                    .value(pixel, &white, &looks)
                     .is_some_and(|value| worker.keep(canvas, (column, *row), &value)),
             };
             if !is_done {
@@ -167,9 +168,11 @@ fn stacked(rows: Vec<Rectangle>) -> Vec<Rectangle> {
 
 struct Worker<'a> {
     near: &'a NearMirror<'a>,
-    /// The chart, all of it white, and the same with finer polynomials.
+    /// The chart with its light told by the finest polynomials that there are, and all of it white.
+    chart: &'a GlossyChart<'a>,
     white: GlossyChart<'a>,
-    finer: Option<GlossyChart<'a>>,
+    /// White, with coarser polynomials that may not be good enough.
+    coarser: Option<GlossyChart<'a>>,
     mirror: Mirror<'a>,
     /// Columns and rows of patches.
     counts: [f64; 2],
@@ -181,10 +184,12 @@ struct Worker<'a> {
 impl<'a> Worker<'a> {
     fn new(near: &'a NearMirror<'a>) -> Self {
         let plane = near.chart.plane;
+        let chart = near.finer.unwrap_or(near.chart);
         Self {
             near,
-            white: near.chart.white(),
-            finer: near.finer.map(GlossyChart::white),
+            chart,
+            white: chart.white(),
+            coarser: near.finer.map(|_| near.chart.white()),
             mirror: Mirror::new(near.view, plane, near.chart.reflectance),
             counts: [plane.columns, plane.rows].map(f64::from),
             reach: budget::reach(near.accuracy.absolute),
@@ -286,29 +291,33 @@ impl<'a> Worker<'a> {
         scratch: &mut glossy::Scratch,
     ) -> Counted<Option<WhitePatch>> {
         let mut evaluations = 0;
-        let mut light = |film_point, is_looked_at: bool| {
+        let mut light = |film_point, tolerance: Tolerance, is_looked_at: bool| {
             let mut off = |chart, tolerance| {
                 let (light, took) = self.off(chart, film_point, tolerance, scratch);
                 evaluations += took;
                 light
             };
-            let tolerance = self.near.tolerance;
             let value = off(&self.white, tolerance);
-            let mut missed = 0.0;
+            let (mut by_rule, mut of_chart) = (0.0, 0.0);
             if is_looked_at {
-                missed += largest_difference(value, off(&self.white, tolerance.finer()));
-                if let Some(finer) = &self.finer {
-                    missed += largest_difference(value, off(finer, tolerance));
+                by_rule = largest_difference(value, off(&self.white, tolerance.finer()));
+                if let Some(coarser) = &self.coarser {
+                    let coarse = off(coarser, tolerance);
+                    of_chart = budget::FINER_SHARE * largest_difference(value, coarse);
                 }
             }
-            (value, missed)
+            WhiteLight {
+                value,
+                by_rule,
+                of_chart,
+            }
         };
         let is_told = |brightest, missed| {
             missed <= budget::WHITE_SHARE * target(self.near.accuracy, [brightest; 3])
         };
-        let of = self
-            .ends(patch)
-            .and_then(|ends| WhitePatch::new(&self.mirror, ends, is_told, &mut light));
+        let of = self.ends(patch).and_then(|ends| {
+            WhitePatch::new(&self.mirror, ends, self.near.tolerance, is_told, &mut light)
+        });
         Counted { of, evaluations }
     }
 
@@ -332,53 +341,81 @@ impl<'a> Worker<'a> {
         }))
     }
 
-    /// White light about a pixel.
-    fn cell<'c>(&self, pixel: &Pixel, white: &'c WhiteChart) -> Option<&'c Cell> {
-        let patch = self.patch(pixel.middle);
-        white.get(&patch).map(|patch| patch.cell(pixel.middle))
+    /// White light on the patch about a pixel.
+    fn white_patch<'c>(&self, pixel: &Pixel, white: &'c WhiteChart) -> Option<&'c WhitePatch> {
+        white.get(&self.patch(pixel.middle))
+    }
+
+    /// The first pixel of each stretch that is not a corner.
+    fn first_of_stretches(&self, pixels: &[(u32, Vec<Found>)]) -> BTreeMap<Place, (u32, u32)> {
+        let mut firsts = BTreeMap::new();
+        for found in pixels.iter().flat_map(|(_, pixels)| pixels) {
+            let Found::Lit(pixel) = found else { continue };
+            if !pixel.has_corners() {
+                for stretch in self.stretches(pixel) {
+                    firsts.entry(stretch).or_insert(pixel.at);
+                }
+            }
+        }
+        firsts
     }
 
     /// What the pixels of a row are off by along the edges on them, as far as that is looked at.
     fn look(
         &self,
         pixels: &[Found],
+        firsts: &BTreeMap<Place, (u32, u32)>,
         white: &WhiteChart,
         scratch: &mut glossy::Scratch,
-    ) -> Counted<Vec<(Stretch, f64)>> {
-        let mut looks = Counted {
-            of: Vec::new(),
-            evaluations: 0,
-        };
+    ) -> Counted<Vec<(Place, Off)>> {
+        let (mut looks, mut evaluations) = (Vec::new(), 0);
         for found in pixels {
             let Found::Lit(pixel) = found else { continue };
             let stretches = self.stretches(pixel);
-            let is_looked_at =
-                stretches.len() > 1 || (pixel.at.0 + pixel.at.1).is_multiple_of(budget::LOOKS);
-            let Some(cell) = self.cell(pixel, white).filter(|_| is_looked_at) else {
+            let is_first = |stretch| firsts.get(stretch) == Some(&pixel.at);
+            let is_looked_at = stretches.len() > 1
+                || (pixel.at.0 + pixel.at.1).is_multiple_of(budget::LOOKS)
+                || stretches.iter().any(is_first);
+            let Some(patch) = self.white_patch(pixel, white).filter(|_| is_looked_at) else {
                 continue;
             };
-            let mut off = 0.0f64;
-            for u in pixel.doubtful() {
-                let chart = self.near.chart;
-                let tolerance = self.near.tolerance;
-                let (light, took) = self.off(chart, pixel.film_point(u), tolerance, scratch);
-                looks.evaluations += took;
-                off = off.max(largest_difference(light, self.at(pixel, cell, u)));
+            let mut off = |u| {
+                let film_point = pixel.film_point(u);
+                let (light, took) = self.off(self.chart, film_point, patch.tolerance, scratch);
+                evaluations += took;
+                let told = self.at(pixel, patch.cell(pixel.middle), u);
+                [0, 1, 2].map(|channel| light[channel] - told[channel])
+            };
+            if pixel.has_corners() {
+                let off: Vec<_> = pixel.corners().map(off).collect();
+                looks.push((Place::Corner(pixel.at.0, pixel.at.1), Off::at_points(&off)));
+                continue;
             }
-            looks
-                .of
-                .extend(stretches.into_iter().map(|stretch| (stretch, off)));
+            let edges = pixel.along.iter().flat_map(|along| &along.edges);
+            for (edge, stretch) in edges.zip(stretches) {
+                let off = if edge.is_narrow() {
+                    Off::across(&edge.across().map(&mut off))
+                } else {
+                    Off::at_points(
+                        &[0.0, edge.distance.signum()].map(|below| off(edge.foot(below))),
+                    )
+                };
+                looks.push((stretch, off));
+            }
         }
-        looks
+        Counted {
+            of: looks,
+            evaluations,
+        }
     }
 
     /// The stretches of edges on a pixel.
-    fn stretches(&self, pixel: &Pixel) -> Vec<Stretch> {
+    fn stretches(&self, pixel: &Pixel) -> Vec<Place> {
         let (column, row) = self.patch(pixel.middle);
         let mut stretches = Vec::new();
         for ((axis, along), beside) in pixel.along.iter().enumerate().zip([row, column]) {
             let last = along.first + along.edges.len() as u32;
-            stretches.extend((along.first..last).map(|edge| (axis, edge, beside)));
+            stretches.extend((along.first..last).map(|edge| Place::Stretch(axis, edge, beside)));
         }
         stretches
     }
@@ -397,27 +434,18 @@ impl<'a> Worker<'a> {
     }
 
     fn colour(&self, patch: Option<(u32, u32)>) -> [f64; 3] {
-        patch.map_or([0.0; 3], |(column, row)| {
-            self.near.chart.colour(column, row)
-        })
+        patch.map_or([0.0; 3], |(column, row)| self.chart.colour(column, row))
     }
 
     /// What a pixel comes to; `None` where that is not known.
-    fn value(
-        &self,
-        pixel: &Pixel,
-        white: &WhiteChart,
-        stretches: &BTreeMap<Stretch, f64>,
-    ) -> Option<Value> {
-        let cell = self.cell(pixel, white)?;
-        let mut off = 0.0f64;
-        for stretch in self.stretches(pixel) {
-            off = off.max(*stretches.get(&stretch)?);
-        }
+    fn value(&self, pixel: &Pixel, white: &WhiteChart, looks: &Looks) -> Option<Value> {
+        let cell = self.white_patch(pixel, white)?.cell(pixel.middle);
+        let off = looks.off(pixel, &self.stretches(pixel), self.reach)?;
         let light = White::over(pixel, cell);
-        let mut value = [0.0; 3];
+        let (mut value, mut palest) = ([0.0; 3], 0.0f64);
         for (patch, means) in pixel.patches().zip(pixel.shares(self.corner_points)?) {
             let colour = self.colour(patch);
+            palest = colour.into_iter().fold(palest, f64::max);
             for channel in 0..3 {
                 value[channel] += colour[channel]
                     * (light.mean[channel] * means.share
@@ -432,12 +460,20 @@ impl<'a> Worker<'a> {
         } else {
             0.0
         };
-        let missed = TILING.doubt * (off + cell.missed + light.bend) + summed;
+        // Of a whole pixel without an edge the mean is a parabola's.
+        let is_even = pixel.part.is_none() && !pixel.has_edges();
+        let bend = if is_even {
+            0.0
+        } else {
+            budget::BEND * light.bend
+        };
+        // What is missed of white light shows times the patches' reflectance.
+        let of_white = TILING.doubt * (cell.missed + bend) + summed + tail;
         let area = pixel.area();
-        let error = area * (missed + tail + self.near.missed);
         Some(Value {
             value,
-            error: error + self.near.function_error.over(area, value),
+            missed: area * (TILING.doubt * off + palest * of_white + self.near.missed),
+            function_error: self.near.function_error.over(area, value),
         })
     }
 
@@ -448,11 +484,12 @@ impl<'a> Worker<'a> {
         let brightest = lit
             .map(|(before, value)| before + value)
             .fold(0.0, f64::max);
+        // The accuracy is what is left beside the error of the light on the chart.
         let allowed = target(self.near.accuracy, [brightest; 3]);
         let is_met = value.value.iter().all(|channel| channel.is_finite())
-            && value.error <= (TILING.doubt + TILING.beside) * allowed;
+            && value.missed <= (TILING.doubt + TILING.beside) * allowed;
         if is_met {
-            canvas.add(at, value.value, value.error);
+            canvas.add(at, value.value, value.missed + value.function_error);
         }
         is_met
     }

@@ -1,8 +1,8 @@
 //! A pixel and the patches that show on it.
 
-use super::blur::{self, CornerPoints, Edge, Means};
+use super::blur::{self, CORRELATION_MAX, CornerPoints, Edge, Means};
 use super::image::{Blur, Mirror};
-use crate::numerics::polygon::Polygon;
+use crate::numerics::polygon::{Polygon, Rectangle};
 use std::iter;
 use std::ops::{Add, Sub};
 
@@ -138,19 +138,29 @@ impl Pixel {
         up.patches.iter().flat_map(move |&row| columns(row))
     }
 
-    /// What the pixel has of them. `None` where a corner is too sharp.
+    /// What the pixel has of them. `None` where the blurs of a corner's edges are too much correlated.
     pub fn shares(&self, corner_points: CornerPoints) -> Option<Vec<Means>> {
         let all = Means {
             share: 1.0,
             first: [0.0; 2],
         };
-        let Some(part) = &self.part else {
-            return self.parts(all, Edge::means, |a, b| {
-                blur::means_below_both([a, b], self.correlation, corner_points)
-            });
+        let edges = || self.along.iter().flat_map(|along| &along.edges);
+        let is_steep = self.has_corners() && edges().any(Edge::is_steep);
+        let part = match &self.part {
+            _ if self.has_corners() && self.correlation.abs() > CORRELATION_MAX => return None,
+            Some(part) => *part,
+            None if is_steep => {
+                let Rectangle { low, high } = Rectangle::pixel(self.at.0, self.at.1);
+                Polygon::quadrilateral([low, [high[0], low[1]], high, [low[0], high[1]]])
+            }
+            None => {
+                return self.parts(all, Edge::means, |a, b| {
+                    let means = blur::means_below_both([a, b], self.correlation, corner_points);
+                    Some(means)
+                });
+            }
         };
-        let edges = self.along.iter().flat_map(|along| &along.edges);
-        let points = blur::points_of(part, self.film_point([0.0; 2]), edges);
+        let points = blur::points_of(&part, self.film_point([0.0; 2]), edges());
         let sum = |share: &dyn Fn([f64; 2]) -> f64| blur::means_by(&points, share);
         self.parts(
             sum(&|_| 1.0),
@@ -173,9 +183,16 @@ impl Pixel {
 
     /// Whether its shares are sums over points: they have corners, or the sample has no more than a part.
     pub fn is_summed(&self) -> bool {
-        let has_edges = |along: &Along| !along.edges.is_empty();
-        let [across, up] = self.along.each_ref().map(has_edges);
-        (across && up) || ((across || up) && self.part.is_some())
+        self.has_corners() || (self.has_edges() && self.part.is_some())
+    }
+
+    pub fn has_edges(&self) -> bool {
+        self.along.iter().any(|along| !along.edges.is_empty())
+    }
+
+    /// Whether it has edges along both axes.
+    pub fn has_corners(&self) -> bool {
+        self.along.iter().all(|along| !along.edges.is_empty())
     }
 
     /// How much the sample has of it.
@@ -183,20 +200,10 @@ impl Pixel {
         self.part.as_ref().map_or(1.0, Polygon::area)
     }
 
-    /// Points on the pixel and about it at which it may be off most: where edges meet; and if none do, on each and a
-    /// blur beside it.
-    pub fn doubtful(&self) -> Vec<[f64; 2]> {
+    /// Where its edges meet.
+    pub fn corners(&self) -> impl Iterator<Item = [f64; 2]> {
         let [across, up] = &self.along;
-        let meeting = across
-            .edges
-            .iter()
-            .flat_map(|a| up.edges.iter().filter_map(|b| blur::meeting(a, b)));
-        let mut points: Vec<_> = meeting.collect();
-        if across.edges.is_empty() || up.edges.is_empty() {
-            for edge in across.edges.iter().chain(&up.edges) {
-                points.extend([0.0, edge.distance.signum()].map(|from| edge.foot(from)));
-            }
-        }
-        points
+        let meeting = |a| up.edges.iter().filter_map(move |b| blur::meeting(a, b));
+        across.edges.iter().flat_map(meeting)
     }
 }

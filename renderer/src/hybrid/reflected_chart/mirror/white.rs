@@ -1,18 +1,25 @@
 //! What a near mirror makes of white light, told over the chart by polynomials.
 
 use super::image::Mirror;
-use crate::hybrid::budget::mirror::PARTS_MAX;
+use crate::hybrid::budget::mirror::FINER_RULES;
 use crate::numerics::channels::largest_difference;
+use crate::numerics::tolerance::Tolerance;
 
-/// Points along a cell's side, ends included; a parabola goes through them.
-const NODES: usize = 3;
+/// Points along a cell's side, ends included, through which a polynomial goes; and cells along a patch's side. One after
+/// the other until one tells the light; the last is a limit on work.
+const GRIDS: [(usize, u32); 4] = [(3, 1), (5, 1), (5, 2), (5, 4)];
 
-/// About where parabolas miss most, from 0 to 1 along a cell's sides.
-const PROBES: [[f64; 2]; 2] = [[0.21, 0.79], [0.79, 0.21]];
+/// The most points along a cell's side.
+const NODES_MAX: usize = 5;
+
+/// About where polynomials of either degree miss most, from 0 to 1 along a cell's sides.
+const PROBES: [[f64; 2]; 2] = [[0.13, 0.87], [0.87, 0.13]];
 
 /// White light over a patch, cell by cell.
 pub struct WhitePatch {
     low: [f64; 2],
+    /// How fine the rule is by which it is known.
+    pub tolerance: Tolerance,
     /// Cells along a side, and a unit of the position.
     parts: u32,
     per_unit: [f64; 2],
@@ -21,29 +28,57 @@ pub struct WhitePatch {
 }
 
 impl WhitePatch {
-    /// On as few cells between such ends along each axis as tell it: `is_told` says so by how bright it is and what is
-    /// missed. `None` where no film point leads to some of it.
+    /// On as few cells between such ends along each axis as tell it, and by a rule as coarse as serves: `is_told` says
+    /// so by how bright it is and what is missed. `None` where no film point leads to some of it.
     pub fn new(
         mirror: &Mirror<'_>,
         ends: [[f64; 2]; 2],
+        coarsest: Tolerance,
         is_told: impl Fn(f64, f64) -> bool,
         light: &mut Light<'_>,
     ) -> Option<Self> {
-        let mut parts = 1;
-        loop {
-            let patch = Self::in_parts(mirror, ends, parts, light)?;
+        let tolerance = Self::rule(mirror, ends, coarsest, &is_told, light)?;
+        let mut last = None;
+        for grid in GRIDS {
+            let patch = Self::on_grid(mirror, ends, grid, tolerance, light)?;
             let most = |of: fn(&Cell) -> f64| patch.cells.iter().map(of).fold(0.0, f64::max);
-            if parts == PARTS_MAX || is_told(most(Cell::brightest), most(|cell| cell.missed)) {
-                return Some(patch);
+            let is_told = is_told(most(Cell::brightest), most(|cell| cell.missed));
+            last = Some(patch);
+            if is_told {
+                break;
             }
-            parts *= 2;
         }
+        last
     }
 
-    fn in_parts(
+    /// The coarsest rule that misses little enough at the probes, or the finest that is tried.
+    fn rule(
         mirror: &Mirror<'_>,
         ends: [[f64; 2]; 2],
-        parts: u32,
+        coarsest: Tolerance,
+        is_told: &impl Fn(f64, f64) -> bool,
+        light: &mut Light<'_>,
+    ) -> Option<Tolerance> {
+        let [low, high] = [0, 1].map(|end| ends.map(|ends| ends[end]));
+        let mut tolerance = coarsest;
+        for probe in PROBES {
+            let at = mirror.film_point(between(low, high, probe))?;
+            while tolerance.level() < coarsest.level() + FINER_RULES {
+                let WhiteLight { value, by_rule, .. } = light(at, tolerance, true);
+                if is_told(value.into_iter().fold(0.0, f64::max), by_rule) {
+                    break;
+                }
+                tolerance = tolerance.finer();
+            }
+        }
+        Some(tolerance)
+    }
+
+    fn on_grid(
+        mirror: &Mirror<'_>,
+        ends: [[f64; 2]; 2],
+        (nodes, parts): (usize, u32),
+        tolerance: Tolerance,
         light: &mut Light<'_>,
     ) -> Option<Self> {
         let end = |axis: usize, index: u32| {
@@ -55,11 +90,12 @@ impl WhitePatch {
             for across in 0..parts {
                 let low = [end(0, across), end(1, up)];
                 let high = [end(0, across + 1), end(1, up + 1)];
-                cells.push(Cell::new(mirror, low, high, light)?);
+                cells.push(Cell::new(mirror, [low, high], nodes, tolerance, light)?);
             }
         }
         Some(Self {
             low: ends.map(|[low, _]| low),
+            tolerance,
             parts,
             per_unit: ends.map(|[low, high]| f64::from(parts) / (high - low)),
             cells,
@@ -82,41 +118,63 @@ impl WhitePatch {
 pub struct Cell {
     low: [f64; 2],
     per_side: [f64; 2],
+    /// So many across and up.
+    count: usize,
     /// By node up and node across.
-    nodes: [[[f64; 3]; NODES]; NODES],
+    nodes: [[[f64; 3]; NODES_MAX]; NODES_MAX],
     /// What the polynomial was found to miss, and the light that it was made of.
     pub missed: f64,
 }
 
-/// White light at a film point, and what the rule misses of it and the light on the chart, if that is looked at.
-pub type Light<'a> = dyn FnMut([f64; 2], bool) -> ([f64; 3], f64) + 'a;
+/// White light at a film point by a rule, and whether what is missed of it is looked at.
+pub type Light<'a> = dyn FnMut([f64; 2], Tolerance, bool) -> WhiteLight + 'a;
+
+/// White light at a film point, and what is missed of it, if that was looked at.
+#[derive(Clone, Copy, Debug)]
+pub struct WhiteLight {
+    pub value: [f64; 3],
+    /// By the rule.
+    pub by_rule: f64,
+    /// By the light on the chart.
+    pub of_chart: f64,
+}
+
+/// The position so far between two others along each axis.
+fn between(low: [f64; 2], high: [f64; 2], local: [f64; 2]) -> [f64; 2] {
+    [0, 1].map(|axis| low[axis] + local[axis] * (high[axis] - low[axis]))
+}
 
 impl Cell {
     /// The cell between two positions on the chart; `None` where no film point leads to it.
     pub fn new(
         mirror: &Mirror<'_>,
-        low: [f64; 2],
-        high: [f64; 2],
+        [low, high]: [[f64; 2]; 2],
+        count: usize,
+        tolerance: Tolerance,
         light: &mut Light<'_>,
     ) -> Option<Self> {
-        let at = |local: [f64; 2]| {
-            mirror.film_point([0, 1].map(|axis| low[axis] + local[axis] * (high[axis] - low[axis])))
-        };
+        let at = |local: [f64; 2]| mirror.film_point(between(low, high, local));
         let mut cell = Self {
             low,
             per_side: [0, 1].map(|axis| 1.0 / (high[axis] - low[axis])),
-            nodes: [[[0.0; 3]; NODES]; NODES],
+            count,
+            nodes: [[[0.0; 3]; NODES_MAX]; NODES_MAX],
             missed: 0.0,
         };
-        for (up, row) in cell.nodes.iter_mut().enumerate() {
-            for (across, node) in row.iter_mut().enumerate() {
-                (*node, _) = light(at([across, up].map(|index| 0.5 * index as f64))?, false);
+        for (up, row) in cell.nodes[..count].iter_mut().enumerate() {
+            for (across, node) in row[..count].iter_mut().enumerate() {
+                let local = [across, up].map(|index| node_at(index, count));
+                *node = light(at(local)?, tolerance, false).value;
             }
         }
         for probe in PROBES {
-            let (value, missed) = light(at(probe)?, true);
-            let told = cell.local(probe);
-            cell.missed = cell.missed.max(largest_difference(value, told) + missed);
+            let WhiteLight {
+                value,
+                by_rule,
+                of_chart,
+            } = light(at(probe)?, tolerance, true);
+            let by_polynomials = largest_difference(value, cell.local(probe));
+            cell.missed = cell.missed.max(by_polynomials + by_rule + of_chart);
         }
         Some(cell)
     }
@@ -137,7 +195,7 @@ impl Cell {
     }
 
     fn local(&self, [across, up]: [f64; 2]) -> [f64; 3] {
-        let [across, up] = [across, up].map(weights);
+        let [across, up] = [across, up].map(|at| weights(at, self.count));
         let mut value = [0.0; 3];
         for (row, of_row) in self.nodes.iter().zip(up) {
             for (node, weight) in row.iter().zip(across) {
@@ -150,11 +208,21 @@ impl Cell {
     }
 }
 
-/// Of the values at 0, 1/2 and 1 for the parabola through them.
-fn weights(at: f64) -> [f64; NODES] {
-    [
-        (1.0 - 2.0 * at) * (1.0 - at),
-        4.0 * at * (1.0 - at),
-        (2.0 * at - 1.0) * at,
-    ]
+/// Where a node of so many lies, from 0 to 1.
+fn node_at(index: usize, count: usize) -> f64 {
+    index as f64 / (count - 1) as f64
+}
+
+/// Of the values at so many nodes for the polynomial through them: Lagrange's.
+fn weights(at: f64, count: usize) -> [f64; NODES_MAX] {
+    let mut weights = [0.0; NODES_MAX];
+    for (index, weight) in weights[..count].iter_mut().enumerate() {
+        let node = node_at(index, count);
+        *weight = (0..count)
+            .filter(|&other| other != index)
+            .map(|other| node_at(other, count))
+            .map(|other| (at - other) / (node - other))
+            .product();
+    }
+    weights
 }
