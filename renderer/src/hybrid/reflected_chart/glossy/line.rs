@@ -10,7 +10,7 @@ use super::light_cells::{self, CHANNELS};
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::Point;
 use super::seen::{BEYOND, HIGH, LOW, PARTS, Seen};
-use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, SPAN_MIN};
+use crate::hybrid::budget::glossy::{EDGES_AN_EVALUATION, span_min};
 use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::elementary::{ROUND, log1p};
 use crate::numerics::instructions::kernel;
@@ -317,6 +317,7 @@ impl<'a> Block<'a> {
     #[inline(always)]
     fn frame<const N: usize>(&self, order: &Nodes<N>, seen: &Seen<N>) -> [Lanes; 2] {
         let farthest = if N > 1 { order.nodes[N - 1] } else { 1.0 };
+        let span_min = span_min(N);
         let [mut middle, mut unit] = [[0.0; LANES]; 2];
         for i in 0..LANES {
             let [first, last] = [0, 1].map(|end| seen.span[end][i] * self.per_width[i]);
@@ -325,10 +326,10 @@ impl<'a> Block<'a> {
             let last = if last < farthest { last } else { farthest };
             let [centre, half] = [0.5 * (first + last), 0.5 * (last - first)];
             middle[i] = if shows { centre } else { 0.0 };
-            let half = if shows & (half > SPAN_MIN) {
+            let half = if shows & (half > span_min) {
                 half
             } else {
-                SPAN_MIN
+                span_min
             };
             unit[i] = half / farthest;
         }
