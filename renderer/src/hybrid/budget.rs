@@ -504,6 +504,10 @@ pub mod glossy {
     /// Widths from the middle of an edge's passage through the lobe at which it is over. Chosen.
     pub const PASSAGE: f64 = 3.5;
 
+    /// An edge that bends by more than this share of the way from the middle of its passage to where it is over does not
+    /// pass straight: it may turn back. Chosen.
+    pub const BENT: f64 = 0.2;
+
     /// A passage shorter than this share of the lobe's wide width is a step. Chosen.
     pub const STEP: f64 = 1e-4;
 

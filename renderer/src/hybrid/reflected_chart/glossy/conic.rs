@@ -83,6 +83,27 @@ impl Conic {
         }
     }
 
+    /// The polynomials in q where its zero lies this far from p = 0, to either side; next to that, bends along p do
+    /// not count.
+    pub fn beside_axis(&self, distance: f64) -> [Quadratic; 2] {
+        let on_axis = self.on_axis();
+        [distance, -distance].map(|distance| Quadratic {
+            c0: on_axis.c0 + distance * self.p,
+            c1: on_axis.c1 + distance * self.pq,
+            ..on_axis
+        })
+    }
+
+    /// The p of its zero nearest to p = 0 at q, about.
+    pub fn near_axis(&self, q: f64) -> f64 {
+        -(self.one + q * (self.q + q * self.qq)) / (self.p + self.pq * q)
+    }
+
+    /// By how much its zero bends along p over this distance from q, at (0, q).
+    pub fn bend(&self, q: f64, distance: f64) -> f64 {
+        (self.qq * distance * distance / (self.p + self.pq * q)).abs()
+    }
+
     /// How fast its zero moves along p with q, at (0, q): |dp/dq|, infinite where it runs along p.
     pub fn drift(&self, q: f64) -> f64 {
         let along = (self.p + self.pq * q).abs();

@@ -10,16 +10,19 @@
 //! - [`Passage::RULE`] is exact for that term and for the first of the edge's bend, so it misses terms in
 //!   1 / rate^3.
 
+use super::conic::Conic;
 use super::point::Point;
-use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE, STEP};
+use crate::hybrid::budget::glossy::{BENT, CORNER_DIGITS, PASSAGE, STEP};
 
 /// An edge of patches that passes through the lobe along the wide axis.
 #[derive(Clone, Copy, Debug)]
 pub struct Passage {
-    /// The q at which it crosses p = 0.
+    /// The q at which it crosses p = 0, or the middle between its ends where it turns back.
     pub middle: f64,
-    /// Widths of the lobe along p that it passes a unit of q.
+    /// Widths of the lobe along p that it passes a unit of q, at most.
     pub rate: f64,
+    /// How far it goes on to either side of the middle.
+    half: f64,
 }
 
 impl Passage {
@@ -34,7 +37,7 @@ impl Passage {
 
     /// Whether it goes on at q.
     pub fn covers(&self, q: f64) -> bool {
-        (q - self.middle).abs() * self.rate < PASSAGE
+        (q - self.middle).abs() < self.half
     }
 
     /// How slow it is next to the lobe's fall along q, whose width is `1 / per_width`.
@@ -98,38 +101,108 @@ impl Point<'_> {
         ends: &mut Vec<End>,
     ) {
         let plane = &self.glossy.plane;
-        let lobe = &self.glossy.reflectance.lobe;
-        let (per_width, wide) = (lobe.n_u.sqrt(), 1.0 / self.per_wide_width);
         let counts = [plane.columns, plane.rows];
         let along = [&self.across, &self.up];
         for axis in 0..2 {
+            let most = f64::from(counts[1 - axis]) + 1.0;
+            let is_seen = |q: f64| {
+                let depth = self.depth.value(0.0, q);
+                let other = along[1 - axis].value(0.0, q);
+                q > low && q < high && depth > 0.0 && other > -depth && other < most * depth
+            };
             for line in 0..=counts[axis] {
                 let edge = along[axis].less(f64::from(line), &self.depth);
                 for middle in edge.on_axis().zeros() {
-                    if !(middle > low && middle < high) {
-                        continue;
-                    }
-                    let depth = self.depth.value(0.0, middle);
-                    let other = along[1 - axis].value(0.0, middle);
-                    let most = f64::from(counts[1 - axis]) + 1.0;
-                    if !(depth > 0.0 && other > -depth && other < most * depth) {
-                        continue;
-                    }
-                    let rate = edge.drift(middle) * per_width;
-                    let half = PASSAGE / rate;
-                    if half < STEP * wide {
-                        ends.push(End::kink(middle));
-                    } else if rate * wide > 1.0 {
-                        let passage = Passage { middle, rate };
-                        let index = passage.has_rule(self).then_some(passages.len());
-                        passages.push(passage);
-                        ends.extend([middle - half, middle + half].map(|q| End {
-                            q,
-                            kink: false,
-                            passage: index,
-                        }));
+                    if is_seen(middle) {
+                        self.find_crossing(&edge, middle, passages, ends);
                     }
                 }
+                if self.may_bend(&edge, [low, high]) {
+                    self.find_bent(&edge, is_seen, passages, ends);
+                }
+            }
+        }
+    }
+
+    /// Finds the passage of an edge that crosses the axis at `middle`, if it is nearly straight.
+    fn find_crossing(
+        &self,
+        edge: &Conic,
+        middle: f64,
+        passages: &mut Vec<Passage>,
+        ends: &mut Vec<End>,
+    ) {
+        let (per_width, wide) = self.widths();
+        let rate = edge.drift(middle) * per_width;
+        let half = PASSAGE / rate;
+        if half < STEP * wide {
+            ends.push(End::kink(middle));
+        } else if rate * wide > 1.0 && !self.is_bent(edge, middle) {
+            let passage = Passage { middle, rate, half };
+            let index = passage.has_rule(self).then_some(passages.len());
+            passages.push(passage);
+            ends.extend([middle - half, middle + half].map(|q| End {
+                q,
+                kink: false,
+                passage: index,
+            }));
+        }
+    }
+
+    /// Widths of the lobe along p for a unit of slope, and the lobe's width along q.
+    fn widths(&self) -> (f64, f64) {
+        let lobe = &self.glossy.reflectance.lobe;
+        (lobe.n_u.sqrt(), 1.0 / self.per_wide_width)
+    }
+
+    /// Whether an edge bends within its passage at `middle`.
+    fn is_bent(&self, edge: &Conic, middle: f64) -> bool {
+        let (per_width, _) = self.widths();
+        let half = PASSAGE / (edge.drift(middle) * per_width);
+        edge.bend(middle, half) * per_width > BENT * PASSAGE
+    }
+
+    /// Whether an edge bends within the lobe at all.
+    fn may_bend(&self, edge: &Conic, [low, high]: [f64; 2]) -> bool {
+        let (per_width, _) = self.widths();
+        let bend = |q| edge.bend(q, high.max(-low)) * per_width;
+        bend(low).max(bend(high)) > BENT * PASSAGE
+    }
+
+    /// Finds the passages of an edge that bends: it may turn back before it crosses the axis, or after.
+    fn find_bent(
+        &self,
+        edge: &Conic,
+        is_seen: impl Fn(f64) -> bool,
+        passages: &mut Vec<Passage>,
+        ends: &mut Vec<End>,
+    ) {
+        let (per_width, wide) = self.widths();
+        let crossings = edge.on_axis().zeros();
+        let [[a, b], [c, d]] = edge.beside_axis(PASSAGE / per_width).map(|one| one.zeros());
+        let mut bounds = [a, b, c, d];
+        bounds.sort_unstable_by(f64::total_cmp);
+        for pair in bounds.windows(2) {
+            let (from, to) = (pair[0], pair[1]);
+            let middle = 0.5 * (from + to);
+            let is_passage = edge.near_axis(middle).abs() * per_width < PASSAGE;
+            if !(to.is_finite() && is_passage && [from, middle, to].into_iter().any(&is_seen)) {
+                continue;
+            }
+            let is_straight =
+                |&crossing: &f64| from < crossing && crossing < to && !self.is_bent(edge, crossing);
+            let rate = edge.drift(from).max(edge.drift(to)) * per_width;
+            if rate * wide > 1.0 && !crossings.iter().any(is_straight) {
+                passages.push(Passage {
+                    middle,
+                    rate,
+                    half: 0.5 * (to - from),
+                });
+                ends.extend([from, to].map(|q| End {
+                    q,
+                    kink: false,
+                    passage: None,
+                }));
             }
         }
     }
@@ -169,8 +242,8 @@ impl Point<'_> {
             if at == 0 || !is_alone(ends) {
                 continue;
             }
-            let Passage { middle, rate } = passage;
-            let clear = |piece: [f64; 2]| self.keeps_clear(piece, PASSAGE / rate);
+            let Passage { middle, half, .. } = passage;
+            let clear = |piece: [f64; 2]| self.keeps_clear(piece, half);
             let is_clear =
                 |[before, after]: [f64; 2]| clear([before, middle]) && clear([middle, after]);
             let beside = ends.get(at + 2).map(|after| [ends[at - 1].q, after.q]);
