@@ -352,8 +352,8 @@ fn class_h_a_near_mirror_shows_the_chart() {
         let view = &mut specification.views[0];
         view.camera_elevation_deg = random.uniform(8.0, 40.0);
         view.rotation_deg = random.uniform(0.0, 360.0);
-        material.roughness = random.log_uniform(0.1, 1.2);
-        material.anisotropy = random.one_of(&[0.0, 0.0, 0.05, 0.1]);
+        material.roughness = random.log_uniform(0.02, 1.2);
+        material.anisotropy = random.one_of(&[0.0, 0.05, 0.1, 0.3]);
         material.angle_deg = random.uniform(0.0, 180.0);
         material.ior = random.uniform(1.1, 10.0);
     });
