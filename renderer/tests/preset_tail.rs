@@ -4,7 +4,7 @@ use dataset::Specification;
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
-const CASES: [(u32, u32, &str); 10] = [
+const CASES: [(u32, u32, &str); 11] = [
     (
         288,
         5,
@@ -54,6 +54,11 @@ const CASES: [(u32, u32, &str); 10] = [
         608,
         4,
         "edges of patches turned back within the lobe, between the lines of a rule",
+    ),
+    (
+        3152,
+        5,
+        "light on the chart bent between the parabolas that told it",
     ),
 ];
 

@@ -118,7 +118,7 @@ impl Point<'_> {
                     }
                 }
                 if self.may_bend(&edge, [low, high]) {
-                    self.find_bent(&edge, is_seen, passages, ends);
+                    self.find_bent(&edge, [low, high], is_seen, passages, ends);
                 }
             }
         }
@@ -173,6 +173,7 @@ impl Point<'_> {
     fn find_bent(
         &self,
         edge: &Conic,
+        [low, high]: [f64; 2],
         is_seen: impl Fn(f64) -> bool,
         passages: &mut Vec<Passage>,
         ends: &mut Vec<End>,
@@ -183,10 +184,10 @@ impl Point<'_> {
         let mut bounds = [a, b, c, d];
         bounds.sort_unstable_by(f64::total_cmp);
         for pair in bounds.windows(2) {
-            let (from, to) = (pair[0], pair[1]);
+            let (from, to) = (pair[0].max(low), pair[1].min(high));
             let middle = 0.5 * (from + to);
-            let is_passage = edge.near_axis(middle).abs() * per_width < PASSAGE;
-            if !(to.is_finite() && is_passage && [from, middle, to].into_iter().any(&is_seen)) {
+            let is_passage = from < to && edge.near_axis(middle).abs() * per_width < PASSAGE;
+            if !(is_passage && [from, middle, to].into_iter().any(&is_seen)) {
                 continue;
             }
             let is_straight =
