@@ -505,8 +505,8 @@ pub mod glossy {
     /// Widths from the middle of an edge's passage through the lobe at which it is over. Chosen.
     pub const PASSAGE: f64 = 3.5;
 
-    /// An edge that bends by more than this share of the way from the middle of its passage to where it is over does not
-    /// pass straight: it may turn back. Chosen.
+    /// An edge that bends by more than this share of the way from the middle of its passage to where it is over may turn
+    /// back. Chosen: with 0.4 material 608 takes a quarter more, with 0.08 no less.
     pub const BENT: f64 = 0.2;
 
     /// A passage shorter than this share of the lobe's wide width is a step. Chosen.

@@ -64,8 +64,8 @@ impl Looks {
         off.across = off.across.max(found.across);
     }
 
-    /// What the mean over a pixel is off by, of which the edges lie on such stretches and reach so many blurs. `None` if
-    /// one of them was not looked at.
+    /// What the mean over a pixel is off by, of which the edges lie on such stretches and reach so many blurs. `None`
+    /// if one of them was not looked at.
     pub fn off(&self, pixel: &Pixel, stretches: &[Place], reach: f64) -> Option<f64> {
         let edges = pixel.along.iter().flat_map(|along| &along.edges);
         if pixel.has_corners() {

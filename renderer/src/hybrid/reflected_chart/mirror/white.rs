@@ -5,8 +5,8 @@ use crate::hybrid::budget::mirror::FINER_RULES;
 use crate::numerics::channels::largest_difference;
 use crate::numerics::tolerance::Tolerance;
 
-/// Points along a cell's side, ends included, through which a polynomial goes; and cells along a patch's side. One after
-/// the other until one tells the light; the last is a limit on work.
+/// Points along a cell's side, ends included, through which a polynomial goes; and cells along a patch's side. They are
+/// tried one after the other until one tells the light; the last is a limit on work.
 const GRIDS: [(usize, u32); 4] = [(3, 1), (5, 1), (5, 2), (5, 4)];
 
 /// The most points along a cell's side.
