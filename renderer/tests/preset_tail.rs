@@ -4,7 +4,7 @@ use dataset::Specification;
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
-const CASES: [(u32, u32, &str); 11] = [
+const CASES: [(u32, u32, &str); 12] = [
     (
         288,
         5,
@@ -59,6 +59,11 @@ const CASES: [(u32, u32, &str); 11] = [
         3152,
         5,
         "light on the chart bent between the parabolas that told it",
+    ),
+    (
+        848,
+        5,
+        "no rule of wide lobes followed the polynomials off a sharp lobe that is nearly round",
     ),
 ];
 

@@ -361,7 +361,8 @@ struct ChartOffGlossyLobe<'a, const NODES: usize> {
 impl<const NODES: usize> ChartOffGlossyLobe<'_, NODES> {
     /// Whether the rules of wide lobes follow the polynomials.
     fn has_wide_rules(&self) -> bool {
-        self.wide.reflectance.lobe.n_u < glossy_budget::WIDE_RULE_EXPONENT
+        let lobe = &self.wide.reflectance.lobe;
+        lobe.n_u < glossy_budget::wide_rule_exponent(lobe.n_u / lobe.n_v)
     }
 
     /// Orders of polynomials: one more where nothing follows them.
