@@ -451,11 +451,15 @@ pub mod glossy {
         if ratio < 3.0 { 1e6 } else { 1e4 }
     }
 
-    /// The length of a cell of the light on the chart in ln(1 + height / gap). A parabola over 2.2 missed a quarter of
-    /// what a rough sample sends to the chart (measured), and the error falls with the cube of the length. Measured
-    /// with 0.2: polynomials of degree ten over a lobe that spans several cells did not converge, for the bends between
-    /// them, and 3.5 percent of an image's pixels stated twice their target (material 3152, view 5).
-    pub const CELL_HEIGHT: f64 = 0.05;
+    /// The length of a cell of the light on the chart in ln(1 + height / gap), of patches in so many `parts` along a
+    /// side. A parabola over 2.2 missed a quarter of what a rough sample sends to the chart (measured), and the error
+    /// falls with the cube of the length. Measured with 0.2 for whole patches: polynomials of degree ten over a lobe
+    /// that spans several cells did not converge, for the bends between them, and 3.5 percent of an image's pixels
+    /// stated twice their target (material 3152, view 5). With a quarter of that for patches in parts, too, the cells
+    /// take 35 MB.
+    pub fn cell_height(parts: u32) -> f64 {
+        (0.2 / f64::from(parts)).min(0.05)
+    }
 
     /// Edges that a line is compared with, and corners that a point is, in the time of an evaluation
     /// (estimated from their operations): what charts of many patches cost counts as work.

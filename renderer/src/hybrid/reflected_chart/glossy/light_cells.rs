@@ -3,7 +3,7 @@
 //! A line meets the chart anywhere, so the light at a point of it has to be cheap. Cells are parts of
 //! a patch across and of equal lengths up in ln(1 + height / gap), so short that a parabola serves.
 
-use crate::hybrid::budget::glossy::CELL_HEIGHT;
+use crate::hybrid::budget::glossy::cell_height;
 use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
 
 /// Three channels and one that is 0: together a vector.
@@ -80,7 +80,7 @@ impl LightCells {
         let (plane, gap) = (&chart.plane, chart.heights.gap);
         let [_, height] = plane.size();
         let length = libm::log1p(height / gap);
-        let rows = (f64::from(chart.parts) * length / CELL_HEIGHT).ceil() as usize;
+        let rows = (length / cell_height(chart.parts)).ceil() as usize;
         let per_log = rows as f64 / length;
         let columns = plane.columns as usize;
         let mut cells = vec![Cell::default(); columns * rows];
