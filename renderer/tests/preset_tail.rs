@@ -1,6 +1,6 @@
 //! Materials of the preset that once missed its tolerance, each for a reason of its own.
 
-use dataset::Specification;
+use dataset::{ErrorStatistics, Specification};
 use renderer::{Renderer, geometry::BackendChoice};
 
 /// A material, a view, and what went wrong in it.
@@ -89,16 +89,22 @@ const DEAR: [(u32, u32, u64, &str); 3] = [
     ),
 ];
 
+/// What a rendering in the preset states of itself.
+fn statistics(renderer: &Renderer, index: u32, view: u32) -> ErrorStatistics {
+    let material = Specification::preset().material(index).material;
+    let rendering = renderer.render(&material, Some(index), view);
+    rendering.expect("a rendering").statistics
+}
+
+fn renderer() -> Renderer {
+    Renderer::new(&Specification::preset(), BackendChoice::Native).expect("a renderer")
+}
+
 #[test]
 fn ninety_nine_pixels_in_a_hundred_meet_the_tolerance() {
-    let specification = Specification::preset();
-    let renderer = Renderer::new(&specification, BackendChoice::Native).expect("a renderer");
+    let renderer = renderer();
     for (index, view, reason) in CASES {
-        let material = specification.material(index).material;
-        let rendering = renderer
-            .render(&material, Some(index), view)
-            .expect("a rendering");
-        let within = rendering.statistics.within_target;
+        let within = statistics(&renderer, index, view).within_target;
         assert!(
             within >= 0.99,
             "material {index}, view {view}: {within} of the pixels; it was that {reason}"
@@ -108,14 +114,9 @@ fn ninety_nine_pixels_in_a_hundred_meet_the_tolerance() {
 
 #[test]
 fn what_made_materials_dear_is_mended() {
-    let specification = Specification::preset();
-    let renderer = Renderer::new(&specification, BackendChoice::Native).expect("a renderer");
+    let renderer = renderer();
     for (index, view, evaluations_max, reason) in DEAR {
-        let material = specification.material(index).material;
-        let rendering = renderer
-            .render(&material, Some(index), view)
-            .expect("a rendering");
-        let evaluations = rendering.statistics.evaluations;
+        let evaluations = statistics(&renderer, index, view).evaluations;
         assert!(
             evaluations < evaluations_max,
             "material {index}, view {view}: {evaluations} evaluations; it was that {reason}"

@@ -488,9 +488,9 @@ pub mod glossy {
     pub const CORNERS_MAX: usize = 4_225;
 
     /// The `points` of a line are not drawn together to less than this, in widths to either side: the moments would
-    /// lose their digits. Those of a polynomial lose as many as the farthest point over this, to the power of its
-    /// degree, has. Of seven points and less that leaves nine digits at the lobe's end, five widths out; for more it is
-    /// chosen to leave as many. With 0.5 eleven points were off by 2 percent (material 784 of the preset).
+    /// lose their digits, by the factor (farthest point / this)^degree. With seven points and less that leaves nine
+    /// digits at the lobe's end, five widths out. For more points the factor is chosen the same. With 0.5 eleven points
+    /// were off by 2 percent (material 784 of the preset).
     pub const fn span_min(points: usize) -> f64 {
         match points {
             0..=7 => 0.5,

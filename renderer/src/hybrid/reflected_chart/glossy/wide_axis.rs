@@ -66,7 +66,7 @@ impl Piece {
     /// The piece that covers both, if it takes no more lines than they do.
     fn merged(&self, next: &Self, point: &Point<'_>) -> Option<Self> {
         let both = Self::new(point, [self.from, next.to], self.rate.max(next.rate));
-        (both.lines <= self.lines + next.lines).then_some(both)
+        (both.lines <= self.lines.saturating_add(next.lines)).then_some(both)
     }
 }
 
