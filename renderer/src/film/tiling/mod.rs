@@ -13,6 +13,7 @@ mod steps;
 use super::canvas::{Brightness, Canvas};
 use super::demand::{Demand, Terms};
 use super::outline::Outline;
+pub use super::pixel::Edge;
 use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, Series, add_region, add_tile};
@@ -472,12 +473,8 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         };
         let integral = |region: &Region<'_>| {
             let covered = region.outline.clipped(rectangle);
-            let (value, error) =
-                pixel::integrate(&covered, steep, allowed, &work, |column, row| {
-                    let before = function.spent;
-                    let value = function.at([column, row], tolerance);
-                    (value, function.spent - before)
-                });
+            let at_tolerance = function.at_tolerance(tolerance);
+            let (value, error) = pixel::integrate(&covered, steep, allowed, &work, at_tolerance);
             let function_error = self.shade.function_error(rectangle);
             let function_error = function_error.over(covered.area(), value);
             (value, error + missed * covered.area() + function_error)

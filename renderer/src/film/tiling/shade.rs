@@ -1,6 +1,7 @@
 //! Functions of the film.
 
 use crate::film::demand::FunctionError;
+use crate::film::pixel::{Edge, OnPixel};
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 
@@ -39,6 +40,11 @@ pub trait Shade: Sync {
         None
     }
 
+    /// An edge that crosses a line of the film along `axis` between two places, as [`OnPixel::edge`].
+    fn edge(&self, _axis: usize, _across: f64, _between: [f64; 2]) -> Option<Edge> {
+        None
+    }
+
     /// What the function may be off by on a part of a pixel that no rule shows.
     fn function_error(&self, _cell: &Rectangle) -> FunctionError {
         FunctionError::default()
@@ -74,9 +80,35 @@ impl<S: Shade> Counted<'_, S> {
         value
     }
 
+    /// The function worked out to this tolerance.
+    pub fn at_tolerance(&mut self, tolerance: Tolerance) -> impl OnPixel {
+        AtTolerance {
+            function: self,
+            tolerance,
+        }
+    }
+
     pub fn light_error(&mut self, film_point: [f64; 2], tolerance: Tolerance) -> f64 {
         let (error, evaluations) = self.shade.light_error(self.scratch, film_point, tolerance);
         self.spent += u64::from(evaluations);
         error
+    }
+}
+
+/// A function worked out to a tolerance.
+struct AtTolerance<'a, 'b, S: Shade> {
+    function: &'a mut Counted<'b, S>,
+    tolerance: Tolerance,
+}
+
+impl<S: Shade> OnPixel for AtTolerance<'_, '_, S> {
+    fn at(&mut self, film_point: [f64; 2]) -> ([f64; 3], u64) {
+        let before = self.function.spent;
+        let value = self.function.at(film_point, self.tolerance);
+        (value, self.function.spent - before)
+    }
+
+    fn edge(&self, axis: usize, across: f64, between: [f64; 2]) -> Option<Edge> {
+        self.function.shade.edge(axis, across, between)
     }
 }

@@ -19,6 +19,7 @@ use crate::numerics::batch::{Batch, FOUR, LANES, total};
 use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
 use crate::numerics::tolerance::{Tolerance, rounded_up};
+use crate::reflectance::lobe::Lobe;
 use crate::reflectance::slope_plane::Slopes;
 use crate::reflectance::{Reflectance, TintResponse, fresnel, specular};
 use crate::vector::Vec3;
@@ -40,6 +41,27 @@ impl BulbView {
     pub fn slopes(&self) -> [[f64; 2]; 2] {
         let disc = Ellipse::new(self).disc();
         [[disc.p, disc.q], [disc.radius, disc.height()]]
+    }
+
+    /// How many widths of the lobe its middle lies outside the half vectors that see the bulb, near their outline. A
+    /// lobe that is wide along q has its edge where none of its middle line sees the bulb.
+    pub fn widths_outside(&self, lobe: &Lobe) -> f64 {
+        let Disc {
+            p,
+            q,
+            radius,
+            slant,
+            half_chord,
+        } = Ellipse::new(self).disc();
+        if lobe.n_v * half_chord * half_chord < WIDE {
+            return (p.abs() - radius) * lobe.n_u.sqrt();
+        }
+        let x = -p / radius;
+        let y = -(q + slant * x) / half_chord;
+        let form = 0.5 * (x * x + y * y - 1.0);
+        let along_p = (x + slant / half_chord * y) / (radius * lobe.n_u.sqrt());
+        let along_q = y / (half_chord * lobe.n_v.sqrt());
+        form / (along_p * along_p + along_q * along_q).sqrt()
     }
 
     /// The least and the largest cosine of the light's direction on the bulb.
@@ -116,6 +138,9 @@ impl Ellipse {
         }
     }
 }
+
+/// A lobe is wide along q if the bulb is narrower than so many of its widths, squared. Chosen.
+const WIDE: f64 = 1.0;
 
 /// Over such a bulb the logarithm of the lobe changes by c: a rule of degree 5 misses this much of
 /// its value, times c^6.

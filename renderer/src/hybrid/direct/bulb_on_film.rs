@@ -1,9 +1,10 @@
 //! The bulb's light off the sample, as a function of the film.
 
-use super::bulb::SlopeBatch;
+use super::bulb::{BulbView, SlopeBatch};
 use super::bulb_light::{BulbLight, bulb_view};
 use crate::film::log_tile::TintedLog;
 use crate::film::log_tiling::LogShade;
+use crate::film::tiling::Edge;
 use crate::film::tiling::Shade;
 use crate::hybrid::budget::direct::{CURVATURE_MAX, DARK_EXPONENT, EDGE_WIDTHS};
 use crate::hybrid::view::View;
@@ -19,6 +20,15 @@ const CURVATURE: f64 = 2.0;
 
 /// The bulb's half extent in slopes is taken this much larger than at corners and middle.
 const BULB_MARGIN: f64 = 1.1;
+
+/// How many widths an edge may be misplaced. Chosen.
+const EDGE_OFF: f64 = 0.1;
+
+/// Steps toward an edge, at most: a limit on work. Along a pixel one takes two or three.
+const EDGE_STEPS_MAX: u32 = 16;
+
+/// An edge's slope is looked at over this share of a line to either side.
+const SLOPE_STEP: f64 = 1e-3;
 
 /// The bulb's light off the sample.
 pub struct BulbOffSample<'a> {
@@ -42,6 +52,21 @@ impl Shade for BulbOffSample<'_> {
         let (light, spent) = self.light(position, wo, tolerance, scratch);
         let scale = libm::exp(light.log);
         (light.tint.map(|channel| scale * channel), spent)
+    }
+
+    /// The edge of the bulb's image, as wide as the lobe.
+    fn edge(&self, axis: usize, across: f64, [from, to]: [f64; 2]) -> Option<Edge> {
+        let outside = |at: f64| {
+            let mut film_point = [across; 2];
+            film_point[axis] = at;
+            let view = self.bulb_from(film_point);
+            view.widths_outside(&self.reflectance.lobe)
+        };
+        let at = zero(outside, [from, to])?;
+        let step = SLOPE_STEP * (to - from);
+        let slope = (outside(at + step) - outside(at - step)) / (2.0 * step);
+        let width = 1.0 / slope.abs();
+        width.is_finite().then_some(Edge { at, width })
     }
 }
 
@@ -167,15 +192,118 @@ impl BulbOffSample<'_> {
     }
 
     fn bulb_box(&self, film_point: [f64; 2]) -> SlopeBox {
+        let [centre, half] = self.bulb_from(film_point).slopes();
+        SlopeBox { centre, half }
+    }
+
+    /// The bulb and the viewer from what a point of the film sees.
+    fn bulb_from(&self, film_point: [f64; 2]) -> BulbView {
         let (position, wo) = self.view.sample_point(film_point);
         let bulb = &self.view.bulb;
-        let view = bulb_view(
+        bulb_view(
             &self.reflectance.lobe,
             wo,
             bulb.centre - position,
             bulb.radius,
-        );
-        let [centre, half] = view.slopes();
-        SlopeBox { centre, half }
+        )
+    }
+}
+
+/// Where a function of one coordinate changes its sign once between two places, to [`EDGE_OFF`] of its value; `None`
+/// where it has the same sign at both.
+///
+/// By false position, in which the end that stays counts by half (the Illinois algorithm).
+fn zero(function: impl Fn(f64) -> f64, [from, to]: [f64; 2]) -> Option<f64> {
+    let (mut low, mut high) = ((from, function(from)), (to, function(to)));
+    if (low.1 > 0.0) == (high.1 > 0.0) {
+        return None;
+    }
+    for _ in 0..EDGE_STEPS_MAX {
+        let share = low.1 / (low.1 - high.1);
+        let at = low.0 + share * (high.0 - low.0);
+        let value = function(at);
+        if value.abs() <= EDGE_OFF {
+            return Some(at);
+        }
+        if (value > 0.0) == (low.1 > 0.0) {
+            (low, high.1) = ((at, value), 0.5 * high.1);
+        } else {
+            (high, low.1) = ((at, value), 0.5 * low.1);
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::hybrid::PreparedView;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// The edges of the bulb's image in a material, across pixels of every eighth row and column: what shows four
+    /// widths to the darker side of each, at it, and to the brighter side.
+    fn lights_at_edges(material: u32, view: usize) -> Vec<[f64; 3]> {
+        let specification = Specification::preset();
+        let material = specification.material(material).material;
+        let scene = Scene::new(&specification, view, BackendChoice::Native)
+            .expect("a backend")
+            .expect("a scene");
+        let rotation = specification.views[view].rotation_deg;
+        let reflectance = Reflectance::new(&material, rotation, specification.tint);
+        let PreparedView { view, .. } =
+            PreparedView::new(&scene, &specification).expect("a view for hybrid");
+        let shade = BulbOffSample {
+            view: &view,
+            reflectance: &reflectance,
+        };
+        let (rule, mut scratch) = (view.budget.bulb_linear_rule(), SlopeBatch::default());
+        let mut lights = Vec::new();
+        for line in 0..16 * 128 * 2 {
+            let (axis, line) = (line % 2, line / 2);
+            let across = 8.0 * f64::from(line / 128) + 0.3;
+            let from = f64::from(line % 128);
+            let Some(Edge { at, width }) = shade.edge(axis as usize, across, [from, from + 1.0])
+            else {
+                continue;
+            };
+            let mut light = [-4.0, 0.0, 4.0].map(|widths| {
+                let mut film_point = [across; 2];
+                film_point[axis as usize] = at + widths * width;
+                Shade::at(&shade, &mut scratch, film_point, rule).0[0]
+            });
+            if light[2] < light[0] {
+                light.reverse();
+            }
+            lights.push(light);
+        }
+        lights
+    }
+
+    #[test]
+    fn light_rises_over_an_edge() {
+        // A mirror in both axes: half of the lobe is on the bulb at the edge.
+        for view in [0, 3] {
+            let lights = lights_at_edges(928, view);
+            assert!(lights.len() > 5, "{view}: {}", lights.len());
+            for [dark, at_edge, bright] in lights {
+                assert!(dark < 1e-3 * bright, "{dark} {bright}");
+                let share = at_edge / bright;
+                assert!((0.4..0.6).contains(&share), "{share}");
+            }
+        }
+        // A mirror in one: the image begins like a root.
+        for material in [416, 1952] {
+            for view in [0, 3] {
+                let lights = lights_at_edges(material, view);
+                assert!(lights.len() > 30, "{material} {view}: {}", lights.len());
+                for [dark, at_edge, bright] in lights {
+                    assert!(dark < 1e-3 * bright, "{dark} {bright}");
+                    let share = at_edge / bright;
+                    assert!((0.1..0.5).contains(&share), "{share}");
+                }
+            }
+        }
     }
 }
