@@ -57,7 +57,7 @@ impl Counts {
 
     /// Traces all of a film by so many paths.
     pub fn trace(&self, tracer: &Tracer<'_>, picture: &Picture) -> TracedFilm {
-        let mut known = Traced::nothing(picture.pixels());
+        let mut known = Traced::nothing(picture.pixels(), tracer);
         let spent = trace(tracer, picture, 0, &mut known, |index| {
             self.of_pixels[index]
         });
@@ -98,7 +98,7 @@ pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, sampl
     let least = (samples / BEGIN_DIVISOR).max(BEGIN_MIN);
     let mut of_pixels = vec![least; count];
     let mut is_open = vec![true; count];
-    let mut known = Traced::nothing(count);
+    let mut known = Traced::nothing(count, tracer);
     let mut spent = Spent::default();
     // What a path of the last pilot cost, for each of the pixels that it traced.
     let mut each = 0.0;

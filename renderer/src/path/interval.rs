@@ -5,7 +5,7 @@
 //! into them, and a lobe's flank climbs in them. So a few nths of the largest difference from a
 //! neighbour are added ([`NEIGHBOUR_SHARE`]). What no path of the whole pixel met, although the surface's lobe reaches it,
 //! is bounded by the rule of three: what n trials do not show happens with less than 3/n at 95
-//! percent.
+//! percent. So is what a path of a neighbour brought from one surface to another, and none of the pixel's own did.
 
 use crate::film::FilmPixel;
 
@@ -45,25 +45,32 @@ pub fn estimate(means: &[[f64; 3]; REPLICATES as usize], unseen: f64) -> FilmPix
     pixel
 }
 
-/// How many pixels away paths may have met light between folds that a pixel's own missed.
-const FOLDS_REACH: usize = 1;
+/// How many pixels away paths may have met light between surfaces that a pixel's own missed.
+const MET_REACH: usize = 1;
 
 /// Adds what pixels may miss of features that their neighbours show. `paths` says by how many paths each
 /// was traced; one of 0 sees nothing, and so misses nothing. `interreflected` says the most that one path of each
-/// brought from one place of a mesh to another: what paths nearby met, n of its own did not meet with a
-/// probability below three nths.
-pub fn add_unseen(pixels: &mut [FilmPixel], width: usize, paths: &[u32], interreflected: &[f64]) {
+/// brought from one surface to another: what paths nearby met, n of its own did not meet with a probability below
+/// three nths. So many times what its own brought is no news.
+pub fn add_unseen(
+    pixels: &mut [FilmPixel],
+    width: usize,
+    paths: &[u32],
+    interreflected: &[f64],
+    no_news: f64,
+) {
     for index in (0..pixels.len()).filter(|&index| paths[index] > 0) {
         let mut largest = 0.0f64;
         for other in around(index, pixels.len(), width, 1) {
             let values = pixels[index].value.into_iter().zip(pixels[other].value);
             largest = values.fold(largest, |largest, (a, b)| largest.max((a - b).abs()));
         }
-        let nearby = around(index, pixels.len(), width, FOLDS_REACH);
+        let nearby = around(index, pixels.len(), width, MET_REACH);
         let brought = nearby.fold(0.0, |most: f64, other| most.max(interreflected[other]));
         let count = f64::from(paths[index]);
         pixels[index].error += NEIGHBOUR_SHARE / count * largest;
-        pixels[index].error += UNSEEN / count * (brought - interreflected[index]);
+        let news = (brought - no_news * interreflected[index]).max(0.0);
+        pixels[index].error += UNSEEN / count * news;
     }
 }
 
@@ -79,6 +86,18 @@ fn around(index: usize, count: usize, width: usize, reach: usize) -> impl Iterat
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_few_times_what_a_path_brought_is_no_news() {
+        let error = |own: f64| {
+            let mut pixels = vec![FilmPixel::default(); 2];
+            add_unseen(&mut pixels, 2, &[64, 64], &[own, 0.5], 10.0);
+            pixels[0].error
+        };
+        assert_eq!(error(0.0), 3.0 * 0.5 / 64.0);
+        assert_eq!(error(0.03), 3.0 * (0.5 - 10.0 * 0.03) / 64.0);
+        assert_eq!(error(0.06), 0.0);
+    }
+
     /// What a path of one pixel brought from fold to fold, those about it may have missed, by their numbers of
     /// paths; one that sees nothing misses nothing.
     #[test]
@@ -92,7 +111,7 @@ mod tests {
         interreflected[at(1, 2)] = 0.2;
         paths[at(2, 2)] = 256;
         paths[at(0, 0)] = 0;
-        add_unseen(&mut pixels, width, &paths, &interreflected);
+        add_unseen(&mut pixels, width, &paths, &interreflected, 1.0);
         for row in 0..height {
             for column in 0..width {
                 let expected = match (column, row) {

@@ -132,7 +132,7 @@ struct Scratch {
     rule_error: f64,
     /// The brightest light of the bulb that was met on a mesh, in any channel.
     brightest: f64,
-    /// The most of the bulb's light that one path brought from one place of a mesh to another, in any channel.
+    /// The most of the bulb's light that one path brought from one surface to another, in any channel.
     interreflected: f64,
 }
 
@@ -350,13 +350,11 @@ impl<'a> Tracer<'a> {
             let point = sampler.point(Dimension::Light(bounce), index);
             let path = [bounce, index];
             let direct = self.bulb_light(&surface, &bsdf, wo, point, path, scratch);
-            if surface.on_triangle.is_some() {
-                if bounce == 0 {
-                    scratch.brightest = direct.into_iter().fold(scratch.brightest, f64::max);
-                } else {
-                    let brought = throughput.iter().zip(direct).map(|(a, b)| a * b);
-                    scratch.interreflected = brought.fold(scratch.interreflected, f64::max);
-                }
+            if bounce > 0 {
+                let brought = throughput.iter().zip(direct).map(|(a, b)| a * b);
+                scratch.interreflected = brought.fold(scratch.interreflected, f64::max);
+            } else if surface.on_triangle.is_some() {
+                scratch.brightest = direct.into_iter().fold(scratch.brightest, f64::max);
             }
             accumulate(&mut sum, throughput, direct);
             let Some(facing) = self.scene.facing(surface.thing) else {

@@ -55,36 +55,61 @@ impl std::iter::Sum for Spent {
     }
 }
 
+/// On a smooth sample the most that paths of a pixel bring differs by a few times from pixel to pixel. Only where paths
+/// nearby bring more than this many times what its own did have these not met it. Chosen: with 1 stated errors are 13
+/// percent larger in the mean (measured at 64 paths), with this 3.
+const NO_NEWS: f64 = 10.0;
+
+/// On a mesh folds part paths that meet light from those that do not.
+const NO_NEWS_ON_MESHES: f64 = 1.0;
+
 /// What is known of a film.
 pub struct Traced {
     pixels: Vec<FilmPixel>,
     /// By how many paths to each thing that it sees a pixel was traced; 0 for one that sees nothing.
     paths: Vec<u32>,
-    /// The most of the bulb's light that one of its paths brought from one place of a mesh to another.
+    /// The most of the bulb's light that one of its paths brought from one surface to another.
     interreflected: Vec<f64>,
+    /// How many times what its own paths brought is no news to a pixel.
+    no_news: f64,
 }
 
 impl Traced {
     /// A film of `count` pixels of which nothing is known.
-    pub fn nothing(count: usize) -> Self {
+    pub fn nothing(count: usize, tracer: &Tracer<'_>) -> Self {
         Self {
             pixels: vec![FilmPixel::default(); count],
             paths: vec![0; count],
             interreflected: vec![0.0; count],
+            no_news: match tracer.facets {
+                Some(_) => NO_NEWS_ON_MESHES,
+                None => NO_NEWS,
+            },
         }
     }
 
     /// The pixels, with what they may miss of features that their neighbours show.
     pub fn finished(mut self, width: usize) -> Vec<FilmPixel> {
-        interval::add_unseen(&mut self.pixels, width, &self.paths, &self.interreflected);
-        self.pixels
+        let mut pixels = std::mem::take(&mut self.pixels);
+        self.add_unseen(&mut pixels, width);
+        pixels
     }
 
     /// The same of a film that more is to be known of.
     pub fn so_far(&self, width: usize) -> Vec<FilmPixel> {
         let mut pixels = self.pixels.clone();
-        interval::add_unseen(&mut pixels, width, &self.paths, &self.interreflected);
+        self.add_unseen(&mut pixels, width);
         pixels
+    }
+
+    fn add_unseen(&self, pixels: &mut [FilmPixel], width: usize) {
+        let Self {
+            paths,
+            interreflected,
+            no_news,
+            ..
+        } = self;
+        interval::add_unseen(pixels, width, paths, interreflected, *no_news);
     }
 }
 

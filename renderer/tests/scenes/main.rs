@@ -190,7 +190,7 @@ const ONCE_FAILED: [(u64, u64); 45] = [
 ];
 
 /// The same of searches of the path tracer.
-const TRACED_ONCE_FAILED: [(u64, u64); 5] = [
+const TRACED_ONCE_FAILED: [(u64, u64); 10] = [
     // A bulb 3 mm off a chart of 70 mm, whose lit part few paths from the sample met.
     (20_261_141, 535),
     // A sphere in a pixel that sees no more of its lit side than a thin crescent.
@@ -201,6 +201,12 @@ const TRACED_ONCE_FAILED: [(u64, u64); 5] = [
     (20_261_143, 2923),
     // A sphere's limb, all of whose light lies in a hundredth of a pixel.
     (20_261_144, 2034),
+    // Light between the chart and the sample that few paths of a pixel bring, and none of these did.
+    (20_261_143, 474),
+    (20_261_143, 2778),
+    (20_261_147, 95),
+    (20_261_147, 225),
+    (20_261_147, 959),
 ];
 
 #[test]
