@@ -56,6 +56,14 @@ impl<const N: usize> Batch<N> {
         self.count += count;
     }
 
+    /// Gives a number of all points one value.
+    ///
+    /// # Panics
+    /// When a point has no more than `number` numbers.
+    pub fn set(&mut self, number: usize, value: f64) {
+        self.columns[number][..self.begun].fill(value);
+    }
+
     /// Takes the first blocks out.
     ///
     /// # Panics

@@ -166,6 +166,12 @@ const HEXAGON: [[f64; 2]; 6] = {
 /// exponent.
 pub type SlopeBatch = Batch<4>;
 
+/// Points brighter than the factor by so much have not been the ones that it was taken from.
+const BRIGHTER: f64 = 1e100;
+
+/// Which of a point's numbers is added to the exponent.
+const SHIFT: usize = 3;
+
 kernel! {
     /// The integrals of the integrand without its tint, times Fresnel's reflectance, and times what
     /// that exceeds the tint's knee by.
@@ -250,10 +256,18 @@ pub fn specular(
         log: 0.0,
     };
     cubature.fill(&Ellipse::new(view).disc());
-    let log = cubature.log;
+    let mut log = cubature.log;
     let exponents = [lobe.n_u, lobe.n_v];
     let (ior, knee) = (reflectance.ior, response.knee);
-    let [untinted, fresnel, excess] = integrals(instructions, batch, view.wo, exponents, ior, knee);
+    let of = |batch: &SlopeBatch| integrals(instructions, batch, view.wo, exponents, ior, knee);
+    let [mut untinted, mut fresnel, mut excess] = of(batch);
+    if untinted.is_nan() || untinted.abs() > BRIGHTER {
+        // Far out in its tail a narrow lobe changes by more than numbers can over a bulb, and the factor was that of a
+        // darker point.
+        log = brightest(batch, lobe);
+        batch.set(SHIFT, -log);
+        [untinted, fresnel, excess] = of(batch);
+    }
     let scale = lobe.normalization / (2.0 * PI);
     let radiance = response.at_moments(fresnel, excess);
     let scaled = ScaledRadiance {
@@ -262,6 +276,17 @@ pub fn specular(
         log,
     };
     (scaled, batch.count() as u32)
+}
+
+/// The logarithm of the lobe where it is brightest of all points.
+fn brightest(batch: &SlopeBatch, lobe: &Lobe) -> f64 {
+    let logs = (0..batch.count()).map(|index| {
+        let [p, q, ..] = batch.point(index);
+        let (p2, q2) = (p * p, q * q);
+        let t = p2 + q2;
+        -0.5 * (lobe.n_u * p2 + lobe.n_v * q2) / (t + f64::MIN_POSITIVE) * libm::log1p(t)
+    });
+    logs.fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// The logarithm that stands for no light.

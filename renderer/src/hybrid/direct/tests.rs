@@ -1,6 +1,6 @@
 //! The rule over the bulb, on bulbs of all sizes, against brute force and against itself.
 
-use super::bulb::{BulbView, SlopeBatch, specular};
+use super::bulb::{BulbView, ScaledRadiance, SlopeBatch, specular};
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
@@ -57,6 +57,13 @@ impl Case {
 
     /// The light without its tint over the lobe's normalization, and red, at a tolerance.
     fn by_rule(&self, error: f64) -> [f64; 2] {
+        let light = self.light(error);
+        let scale = libm::exp(light.log);
+        [light.untinted * scale, light.radiance[0] * scale]
+    }
+
+    /// The specular light at a tolerance.
+    fn light(&self, error: f64) -> ScaledRadiance {
         let (light, _) = specular(
             &self.view,
             &self.reflectance,
@@ -65,8 +72,7 @@ impl Case {
             Instructions::widest(),
             &mut SlopeBatch::default(),
         );
-        let scale = libm::exp(light.log);
-        [light.untinted * scale, light.radiance[0] * scale]
+        light
     }
 
     /// The same without its tint, by a midpoint rule over the half vectors of which it asks one by one
@@ -140,4 +146,36 @@ fn a_finer_rule_finds_little() {
     assert!(off[0] < 1.5e-4, "{:e}", off[0]);
     assert!(off[40] < 1e-5, "{:e}", off[40]);
     assert!(off[400] < 1e-6, "{:e}", off[400]);
+}
+
+/// Far out in its tail a narrow lobe changes by more than numbers can from one side of a small bulb to the other.
+#[test]
+fn light_from_far_out_in_a_tail_is_a_number() {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_129);
+    let (mut steep, mut lit) = (0, 0);
+    for index in 0..8_000 {
+        let mut case = Case::drawn(&mut random);
+        let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let sine = libm::exp10(-6.0 * uniform()) * 0.5;
+        case.view.sin2 = sine * sine;
+        case.view.centre = direction(0.45 * PI * uniform() - sine, 2.0 * PI * uniform());
+        let [a, b] = [0, 1].map(|_| libm::exp10(9.0 * uniform()));
+        let a = if index % 2 == 0 { 1e9 } else { a };
+        (case.reflectance.lobe.n_u, case.reflectance.lobe.n_v) = (a.max(b), a.min(b));
+        let [log, finer] = [1e-3, 1e-9].map(|error| {
+            let light = case.light(error);
+            // It is multiplied by a bulb's radiance, up to 1e12.
+            assert!(light.untinted < 1e200, "{light:?}");
+            libm::log(light.untinted.max(f64::MIN_POSITIVE)) + light.log
+        });
+        assert!(log.is_finite() && finer.is_finite(), "{log} {finer}");
+        let ([centre, half], lobe) = (case.view.slopes(), &case.reflectance.lobe);
+        steep += u32::from(lobe.n_u * centre[0].abs() * half[0] > 700.0);
+        // Elsewhere what is far from the brightest point may be worked out instead: all of it is dark.
+        if log > -100.0 {
+            lit += 1;
+            assert!((log - finer).abs() < 1e-2, "{log} {finer}");
+        }
+    }
+    assert!(steep > 1_000 && lit > 500, "{steep} {lit}");
 }
