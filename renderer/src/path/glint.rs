@@ -92,6 +92,11 @@ impl Ellipse {
         [0, 1].map(|i| along[i] * x + across[i] * y)
     }
 
+    /// The inverse of [`Ellipse::slopes`].
+    fn coordinates(&self, [p, q]: [f64; 2], lobe: &Lobe) -> [f64; 2] {
+        self.axes.map(|[u, v]| u * lobe.n_u * p + v * lobe.n_v * q)
+    }
+
     /// The least and the largest coordinate along the longer axis.
     fn extent(&self) -> [f64; 2] {
         let determinant = self.a11 * self.a22 - self.a12 * self.a12;
@@ -185,34 +190,62 @@ fn nearest_to_zero([low, high]: [f64; 2]) -> f64 {
     0f64.max(low).min(high)
 }
 
-/// Draws a direction to a bulb toward `centre` (unit), one minus the cosine of whose half angle is
-/// `narrow`, from a point of the open unit square. All directions are in the frame of the surface;
-/// the whole bulb is above it. `None` where rounding leaves no ellipse.
-pub fn sample(
-    lobe: &Lobe,
+/// The directions to a bulb, drawn by the lobe.
+#[derive(Clone, Copy, Debug)]
+pub struct Glint<'a> {
+    lobe: &'a Lobe,
+    /// In the frame of the lobe.
     wo: Vec3,
-    centre: Vec3,
-    narrow: f64,
-    point: [f64; 2],
-) -> Option<GlintSample> {
-    let (wo, centre) = (lobe.to_lobe(wo), lobe.to_lobe(centre));
-    let (ellipse, extent) = Ellipse::of(lobe, wo, centre, narrow)?;
-    let [p, q] = ellipse.slopes(ellipse.nearest(extent));
-    let t = p * p + q * q;
-    let (along, along_density) = Slice::new(extent, 1.0, t).sample(point[0]);
-    let chord = ellipse.chord(along);
-    let usable = chord[0] < chord[1];
-    if !usable {
-        return None;
+    ellipse: Ellipse,
+    /// Along the ellipse's longer axis.
+    along: Slice,
+    /// The squared slope of the point that is nearest to the lobe's centre.
+    t: f64,
+}
+
+impl<'a> Glint<'a> {
+    /// To a bulb toward `centre` (unit), one minus the cosine of whose half angle is `narrow`. All directions are in
+    /// the frame of the surface; the bulb is above it, or at least all half vectors are. `None` where rounding leaves
+    /// no ellipse.
+    pub fn new(lobe: &'a Lobe, wo: Vec3, centre: Vec3, narrow: f64) -> Option<Self> {
+        let (wo, centre) = (lobe.to_lobe(wo), lobe.to_lobe(centre));
+        let (ellipse, extent) = Ellipse::of(lobe, wo, centre, narrow)?;
+        let [p, q] = ellipse.slopes(ellipse.nearest(extent));
+        let t = p * p + q * q;
+        Some(Self {
+            lobe,
+            wo,
+            ellipse,
+            along: Slice::new(extent, 1.0, t),
+            t,
+        })
     }
-    let (across, across_density) = Slice::new(chord, 1.0, t).sample(point[1]);
-    let density = along_density * across_density * (lobe.n_u * lobe.n_v).sqrt();
-    Some(reflected(
-        lobe,
-        wo,
-        ellipse.slopes([along, across]),
-        density,
-    ))
+
+    /// A direction, from a point of the open unit square; `None` where rounding leaves no chord.
+    pub fn sample(&self, point: [f64; 2]) -> Option<GlintSample> {
+        let (along, along_density) = self.along.sample(point[0]);
+        let (across, across_density) = self.across(along)?.sample(point[1]);
+        let density = along_density * across_density * (self.lobe.n_u * self.lobe.n_v).sqrt();
+        let slopes = self.ellipse.slopes([along, across]);
+        Some(reflected(self.lobe, self.wo, slopes, density))
+    }
+
+    /// The density of [`Glint::sample`] at a direction to the bulb, a steradian.
+    pub fn density(&self, wi: Vec3) -> f64 {
+        let half = (self.lobe.to_lobe(wi) + self.wo).normalized();
+        let slopes = [half.x / half.z, half.y / half.z];
+        let [along, across] = self.ellipse.coordinates(slopes, self.lobe);
+        let of_chord = self
+            .across(along)
+            .map_or(0.0, |slice| slice.density(across));
+        let density = self.along.density(along) * of_chord;
+        density * (self.lobe.n_u * self.lobe.n_v).sqrt() * per_steradian(half, self.wo)
+    }
+
+    fn across(&self, along: f64) -> Option<Slice> {
+        let chord = self.ellipse.chord(along);
+        (chord[0] < chord[1]).then(|| Slice::new(chord, 1.0, self.t))
+    }
 }
 
 /// About the direction to such a bulb from which the lobe turns most light to the viewer; `None` where rounding leaves
@@ -464,8 +497,9 @@ mod tests {
             let narrow = cone.one_minus_cos_max();
             let side = 400;
             let (mut by_half, mut by_cone) = (0.0, 0.0);
+            let glint = Glint::new(&lobe, wo, cone.axis(), narrow).expect("an ellipse");
             for point in grid(side) {
-                let glint = sample(&lobe, wo, cone.axis(), narrow, point).expect("an ellipse");
+                let glint = glint.sample(point).expect("a chord");
                 assert!(cone.axis().dot(glint.wi) >= 1.0 - narrow - 1e-12);
                 by_half += lobe.power(glint.wi + wo) / glint.density;
                 by_cone += lobe.power(cone.sample(point) + wo) / cone.density();
@@ -489,8 +523,9 @@ mod tests {
             for off in [0.0, 1e-3, 3e-3, 6e-3] {
                 let centre = Vec3::new(0.05 * off, 1.0, elevation + off).normalized();
                 let narrow = 1e-6;
+                let glint = Glint::new(&lobe, wo, centre, narrow).expect("an ellipse");
                 let weights = grid(100).filter_map(|point| {
-                    let glint = sample(&lobe, wo, centre, narrow, point)?;
+                    let glint = glint.sample(point)?;
                     Some(lobe.power(glint.wi + wo) / glint.density)
                 });
                 let weights: Vec<f64> = weights.collect();
@@ -500,6 +535,20 @@ mod tests {
             }
         }
         assert!(worst < 2.2, "{worst}");
+    }
+
+    #[test]
+    fn a_glint_knows_the_density_of_its_samples() {
+        for (roughness, anisotropy) in LOBES.into_iter().chain([(0.0, 0.9), (3.0, 1.0)]) {
+            let lobe = Lobe::new(roughness, anisotropy, 35.0);
+            let centre = Vec3::new(-0.4, 0.9, 0.1).normalized();
+            let glint = Glint::new(&lobe, WO.normalized(), centre, 0.02).expect("an ellipse");
+            for point in grid(20) {
+                let sample = glint.sample(point).expect("a chord");
+                let ratio = glint.density(sample.wi) / sample.density;
+                assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+            }
+        }
     }
 
     #[test]

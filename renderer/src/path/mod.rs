@@ -47,6 +47,7 @@ use counts::Counts;
 use dataset::Specification;
 use facets::Facets;
 use footprint::{Area, Outline};
+use glint::Glint;
 use highlight::{BulbShows, Highlight};
 use lit::Lit;
 use reach::Reach;
@@ -510,11 +511,11 @@ fn to_bulb(
         return Some(over_cone());
     };
     if lowest < 0.0 {
-        return grazing::sample(surface, bsdf, cone, wo, point);
+        return grazing::sample(surface, reflectance, cone, wo, point);
     }
     let axis = surface.frame.to_local(cone.axis());
-    let narrow = cone.one_minus_cos_max();
-    let glint = glint::sample(&reflectance.lobe, wo, axis, narrow, point);
+    let glint = Glint::new(&reflectance.lobe, wo, axis, cone.one_minus_cos_max());
+    let glint = glint.and_then(|glint| glint.sample(point));
     Some(glint.map_or_else(over_cone, |glint| (glint.wi, glint.density)))
 }
 
