@@ -7,13 +7,16 @@
 # tracer's), and the longest rendering in processor seconds. A draw that takes minutes is reported
 # and left out. BRDFARM_SEED=N repeats a search; RAYON_NUM_THREADS draws are examined at a time.
 #
-#   tests/scenes.sh [--coarse | --traced] N [FIRST]
+#   tests/scenes.sh [--coarse | --traced | --streaks] N [FIRST]
 #
 # --coarse draws accuracies from 0.01 to 0.1, where the renderer takes series of fewer terms.
 #
 # --traced draws scenes for the path tracer: small films, 16 to 1,024 paths a pixel, spheres and
 # cylinders among the samples. It states intervals that hold in 95 of 100 pixels; one that is off by
 # three times as much, and in two of four other images by more than it states, has failed.
+#
+# --streaks draws such scenes in which a bulb of no more than a hundredth of its distance lights a
+# sphere or a cylinder that is all but smooth along one axis.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -25,6 +28,10 @@ case "${1:-}" in
     ;;
   --traced)
     search=a_long_search_of_the_path_tracer
+    shift
+    ;;
+  --streaks)
+    search=a_long_search_of_streaks
     shift
     ;;
 esac

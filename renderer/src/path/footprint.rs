@@ -34,7 +34,7 @@ impl Outline {
         Self::of_corners(directions.map(|to| camera.homogeneous(to)).collect())
     }
 
-    fn of_corners(corners: Vec<[f64; 3]>) -> Self {
+    pub fn of_corners(corners: Vec<[f64; 3]>) -> Self {
         let in_front = corners.iter().all(|[_, _, depth]| *depth > 0.0);
         let bounds = [0, 1].map(|axis| {
             let positions = corners.iter().map(|corner| corner[axis] / corner[2]);

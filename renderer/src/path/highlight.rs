@@ -19,7 +19,7 @@ pub const REACH: f64 = 4.5;
 const LINEAR: f64 = 0.1;
 
 /// A lobe that is so many times wider along one axis than along the other makes a streak. Chosen.
-const STREAK: f64 = 10.0;
+pub const STREAK: f64 = 10.0;
 
 /// A place lies beside the sample if it is so far off, in sides. Rounding.
 const BESIDE: f64 = 1e-9;

@@ -28,6 +28,7 @@ mod interval;
 mod lit;
 mod reach;
 mod streak;
+mod strips;
 mod trace;
 mod visible_part;
 mod worked_out;
@@ -281,6 +282,10 @@ impl<'a> Tracer<'a> {
         } = &self.highlight;
         // A pixel may be lit on a sliver of a curved sample alone.
         let may_be_sliver = |box_size| box_size <= FEW_PIXELS || area.size() < WHOLE;
+        let streak = self.curved_in.and_then(|_| self.streak_in(area));
+        if streak.is_some() {
+            return streak;
+        }
         match within {
             Some(outlines) if !self.curved_in.is_some_and(may_be_sliver) => {
                 Highlight::within(outlines, pixel, HIGHLIGHT_SHARE_MAX * area.size())

@@ -36,6 +36,9 @@ const TRACED_SIDE_MAX: u32 = 12;
 const CURVED_SHARE: f64 = 0.3;
 const CURVED_PATH_SHARE: f64 = 0.5;
 
+/// The roughest material of the search of streaks.
+const STREAK_ROUGHNESS_MAX: f64 = 5.0;
+
 /// Draw number `index` of the search that `seed` names.
 pub fn draw(seed: u64, index: u64) -> Case {
     mostly_worked_out(seed, index, |_, _| ())
@@ -71,6 +74,27 @@ fn mostly_worked_out(
 
 /// Draw number `index` of the search of the path tracer that `seed` names.
 pub fn draw_traced(seed: u64, index: u64) -> Case {
+    traced(seed, index, |_, _, _| ())
+}
+
+/// Draw number `index` of the search of streaks that `seed` names.
+pub fn draw_streaks(seed: u64, index: u64) -> Case {
+    traced(seed, index, |specification, material, random| {
+        specification.sample.shape = random.one_of(&[Shape::Sphere, Shape::Cylinder]);
+        let light = &mut specification.light;
+        light.radius_m = (light.distance_m * random.log_uniform(1e-6, 1e-2)).max(1e-4);
+        let roughness = random.uniform(0.0, STREAK_ROUGHNESS_MAX);
+        material.roughness = random.one_of(&[0.0, roughness]);
+        material.anisotropy = 1.0 - random.log_uniform(1e-8, 0.3);
+    })
+}
+
+/// A case that the path tracer renders, from a specification and a material that are changed.
+fn traced(
+    seed: u64,
+    index: u64,
+    change: impl Fn(&mut Specification, &mut Material, &mut Random),
+) -> Case {
     let mut random = Random::of_draw(seed, index);
     loop {
         let mut specification = near_or_far(&mut random);
@@ -85,7 +109,9 @@ pub fn draw_traced(seed: u64, index: u64) -> Case {
                 specification.integrator.kind = IntegratorKind::Hybrid;
             }
         }
-        if let Ok(case) = Case::admitted(&specification, material(&mut random)) {
+        let mut material = material(&mut random);
+        change(&mut specification, &mut material, &mut random);
+        if let Ok(case) = Case::admitted(&specification, material) {
             return case;
         }
     }

@@ -103,6 +103,11 @@ fn a_short_search_of_the_path_tracer_finds_nothing() {
     search_shortly(draw::draw_traced, &[]);
 }
 
+#[test]
+fn a_short_search_of_streaks_finds_nothing() {
+    search_shortly(draw::draw_streaks, &[]);
+}
+
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
 const ONCE_FAILED: [(u64, u64); 45] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
@@ -190,7 +195,7 @@ const ONCE_FAILED: [(u64, u64); 45] = [
 ];
 
 /// The same of searches of the path tracer.
-const TRACED_ONCE_FAILED: [(u64, u64); 10] = [
+const TRACED_ONCE_FAILED: [(u64, u64); 11] = [
     // A bulb 3 mm off a chart of 70 mm, whose lit part few paths from the sample met.
     (20_261_141, 535),
     // A sphere in a pixel that sees no more of its lit side than a thin crescent.
@@ -207,6 +212,8 @@ const TRACED_ONCE_FAILED: [(u64, u64); 10] = [
     (20_261_147, 95),
     (20_261_147, 225),
     (20_261_147, 959),
+    // A streak on a cylinder, a hundredth of a pixel wide.
+    (20_261_164, 376),
 ];
 
 #[test]
@@ -257,6 +264,13 @@ fn a_long_search_at_coarse_accuracies_finds_nothing() {
 #[ignore = "runs for as long as it is told to"]
 fn a_long_search_of_the_path_tracer_finds_nothing() {
     search_as_told(draw::draw_traced);
+}
+
+/// `tests/scenes.sh --streaks` runs it.
+#[test]
+#[ignore = "runs for as long as it is told to"]
+fn a_long_search_of_streaks_finds_nothing() {
+    search_as_told(draw::draw_streaks);
 }
 
 fn search_as_told(draw: Draw) {

@@ -1,0 +1,411 @@
+//! Where a streak crosses a pixel that sees a curved sample, found by looking.
+//!
+//! On a sphere or a cylinder no formula here gives the line p = 0 of the slope plane ([`super::streak`]), and it may be a
+//! thousandth of a pixel wide: neither paths over the pixel nor [`super::cells`] meet it. But the slope changes its sign
+//! across it. So the places where it does are found on a grid over the pixel, and the line is followed between them, by
+//! strips that are cut until they are nearly straight and evenly bright.
+
+use super::footprint::{Area, Outline};
+use super::highlight::{Highlight, REACH, STREAK, bulb_slopes};
+use super::{HIGHLIGHT_SHARE_MAX, Tracer};
+use crate::scene::{Encounter, Thing};
+use crate::vector::Vec3;
+
+/// Cells along a side of the grid on which a streak is looked for. Chosen.
+const GRID: usize = 4;
+
+/// Places on the grid's border lie this share of the way to the middle, or farther where that is beside the sample.
+const INWARD: f64 = 1e-3;
+
+/// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
+const MIDDLE: f64 = 0.05;
+
+/// Halvings by which the sample's limb is found.
+const LIMB_STEPS: usize = 12;
+
+/// The most steps to a place in a streak's middle.
+const STEPS: usize = 40;
+
+/// The step over which the slope's derivative across a strip is taken, as a share of the strip's length.
+const DIFFERENCE: f64 = 1e-3;
+
+/// The most that strips are cut, each in two. Chosen.
+const CUTS_MAX: usize = 48;
+
+/// Nothing more is cut where bends, and what brightness differs by within strips, are such a share of all light. Chosen.
+const EVEN: f64 = 0.25;
+
+/// The half of a strip's width, in pixels, below which rounding would leave none.
+const WIDTH_MIN: f64 = 1e-9;
+
+/// What is seen at a place of the film.
+trait Seen {
+    /// The half vector's slope along the lobe's narrow axis; `None` beside the sample.
+    fn slope(&self, at: [f64; 2]) -> Option<f64>;
+    /// The largest slope at which the lobe sends light there.
+    fn reach(&self, at: [f64; 2]) -> Option<f64>;
+    /// How bright it is, in units of white.
+    fn brightness(&self, at: [f64; 2]) -> f64;
+}
+
+/// A part of a streak between two places in its middle.
+#[derive(Clone, Copy, Debug)]
+struct Strip {
+    ends: [[f64; 2]; 2],
+    /// The place in the streak's middle beside that of the chord.
+    middle: [f64; 2],
+    /// How far it lies to the chord's left.
+    sag: f64,
+    half_width: f64,
+    /// The brightness at the ends and at the middle between them.
+    values: [f64; 3],
+}
+
+impl Strip {
+    fn between(seen: &impl Seen, ends: [[f64; 2]; 2]) -> Option<Self> {
+        let [from, to] = ends;
+        let (along, length) = direction(ends);
+        let across = [-along[1], along[0]];
+        let chord_middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
+        let beside = |at: [f64; 2], off: f64| [0, 1].map(|axis| at[axis] + off * across[axis]);
+        let step = DIFFERENCE * length;
+        let mut sag = 0.0f64;
+        for _ in 0..STEPS {
+            if sag.is_nan() || sag.abs() > length {
+                return None;
+            }
+            let middle = beside(chord_middle, sag);
+            let slope = seen.slope(middle)?;
+            let derivative = match [-step, step].map(|off| seen.slope(beside(middle, off))) {
+                [Some(before), Some(after)] => (after - before) / (2.0 * step),
+                [Some(before), None] => (slope - before) / step,
+                [None, Some(after)] => (after - slope) / step,
+                [None, None] => return None,
+            };
+            let reach = seen.reach(middle)?;
+            if slope.abs() <= MIDDLE * reach {
+                return Some(Self {
+                    ends,
+                    middle,
+                    sag,
+                    half_width: (reach / derivative.abs()).clamp(WIDTH_MIN, 1.0),
+                    values: [from, middle, to].map(|at| seen.brightness(at)),
+                });
+            }
+            sag -= slope / derivative;
+        }
+        None
+    }
+
+    /// The two strips that its middle parts it into, if the streak can be followed there.
+    fn halves(&self, seen: &impl Seen) -> Option<[Self; 2]> {
+        let [from, to] = self.ends;
+        let first = Self::between(seen, [from, self.middle])?;
+        Some([first, Self::between(seen, [self.middle, to])?])
+    }
+
+    fn most(&self) -> f64 {
+        self.values.into_iter().fold(0.0, f64::max)
+    }
+
+    fn mean(&self) -> f64 {
+        let [from, middle, to] = self.values;
+        (from + 4.0 * middle + to) / 6.0
+    }
+
+    fn light(&self) -> f64 {
+        let (_, length) = direction(self.ends);
+        self.mean() * 2.0 * self.half_width * length
+    }
+
+    /// The share of it that lies beside the streak, because that bends.
+    fn beside(&self) -> f64 {
+        self.sag.abs() / (2.0 * self.half_width + self.sag.abs())
+    }
+
+    /// At most the light that its mean may be off by, as far as the places tell, and as much more as it is bent.
+    fn doubt(&self) -> f64 {
+        let least = self.values.into_iter().fold(f64::INFINITY, f64::min);
+        let (_, length) = direction(self.ends);
+        (self.most() - least + self.most() * self.beside()) * 2.0 * self.half_width * length
+    }
+
+    /// The rectangle about it in part of the film, and how bright that is.
+    fn area(&self, bounds: [[f64; 2]; 2]) -> Option<(Area, f64)> {
+        let (along, length) = direction(self.ends);
+        let across = [-along[1], along[0]];
+        let [right, left] = [
+            self.sag.min(0.0) - self.half_width,
+            self.sag.max(0.0) + self.half_width,
+        ];
+        // Where strips meet at an angle they leave no gap.
+        let beyond = self.half_width.min(length);
+        let [from, to] = self.ends;
+        let corner = |end: [f64; 2], forward: f64, off: f64| {
+            let [column, row] =
+                [0, 1].map(|axis| end[axis] + forward * along[axis] + off * across[axis]);
+            [column, row, 1.0]
+        };
+        let corners = vec![
+            corner(from, -beyond, right),
+            corner(to, beyond, right),
+            corner(to, beyond, left),
+            corner(from, -beyond, left),
+        ];
+        let bright = 0.5 * (self.mean() + self.most()) * (1.0 - self.beside());
+        Some((Outline::of_corners(corners).within(bounds)?, bright))
+    }
+}
+
+/// The unit vector from one place to another, and how far that is.
+fn direction([from, to]: [[f64; 2]; 2]) -> ([f64; 2], f64) {
+    let offset = [0, 1].map(|axis| to[axis] - from[axis]);
+    let length = libm::hypot(offset[0], offset[1]);
+    (offset.map(|offset| offset / length), length)
+}
+
+/// Where the streak crosses the line between two places with slopes of different signs, by regula falsi (Illinois).
+fn crossing(seen: &impl Seen, ends: [([f64; 2], Option<f64>); 2]) -> Option<[f64; 2]> {
+    let [(from, Some(mut first)), (to, Some(mut last))] = ends else {
+        return None;
+    };
+    if (first < 0.0) == (last < 0.0) {
+        return None;
+    }
+    let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
+    let mut shares = [0.0, 1.0];
+    for _ in 0..STEPS {
+        let share = shares[0] + (shares[1] - shares[0]) * (first / (first - last));
+        let at = place(share);
+        let slope = seen.slope(at)?;
+        if slope.abs() <= MIDDLE * seen.reach(at)? {
+            return Some(at);
+        }
+        if (slope < 0.0) == (first < 0.0) {
+            (shares[0], first, last) = (share, slope, 0.5 * last);
+        } else {
+            (shares[1], last, first) = (share, slope, 0.5 * first);
+        }
+    }
+    None
+}
+
+/// The place between two that is nearest to the second and still on the sample, if the first is. `shares` are of the way
+/// between them: no nearer than the larger.
+fn on_sample(seen: &impl Seen, [from, to]: [[f64; 2]; 2], shares: [f64; 2]) -> [f64; 2] {
+    let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
+    let is_seen = |share: f64| seen.slope(place(share)).is_some();
+    let [mut on, mut beside] = shares;
+    if is_seen(beside) {
+        return place(beside);
+    }
+    for _ in 0..LIMB_STEPS {
+        let between = 0.5 * (on + beside);
+        if is_seen(between) {
+            on = between;
+        } else {
+            beside = between;
+        }
+    }
+    place(on)
+}
+
+/// The strips between the crossings of the sides of each of the grid's cells.
+fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
+    let ([least, largest], middle) = (area.bounds(), area.point([0.5; 2]));
+    let node = |index: usize| {
+        let steps = [index % (GRID + 1), index / (GRID + 1)];
+        let at = [0, 1].map(|axis| {
+            let share = steps[axis] as f64 / GRID as f64;
+            least[axis] + (largest[axis] - least[axis]) * share
+        });
+        let nearest = area.nearest(at);
+        let node = on_sample(seen, [middle, nearest], [0.0, 1.0 - INWARD]);
+        (node, seen.slope(node))
+    };
+    let nodes: Vec<_> = (0..(GRID + 1) * (GRID + 1)).map(node).collect();
+    let cells = (0..GRID * GRID).map(|cell| cell + cell / GRID);
+    let mut strips = Vec::new();
+    for first in cells {
+        let corners = [first, first + 1, first + GRID + 2, first + GRID + 1];
+        let sides = (0..4).map(|side| [corners[side], corners[(side + 1) % 4]]);
+        let crossings = sides.filter_map(|side| crossing(seen, side.map(|index| nodes[index])));
+        let crossings: Vec<[f64; 2]> = crossings.collect();
+        let ends = crossings.chunks_exact(2);
+        strips.extend(ends.filter_map(|ends| Strip::between(seen, [ends[0], ends[1]])));
+    }
+    strips
+}
+
+/// The parts of `area` that the streak crosses, and how bright they are, in units of white.
+fn of(seen: &impl Seen, area: &Area) -> Vec<(Area, f64)> {
+    let mut strips = of_grid(seen, area);
+    let mut whole = Vec::new();
+    for _ in 0..CUTS_MAX {
+        let all = || strips.iter().chain(&whole);
+        let doubt: f64 = strips.iter().map(Strip::doubt).sum();
+        if doubt <= EVEN * all().map(Strip::light).sum::<f64>() {
+            break;
+        }
+        let by_doubt = |a: &usize, b: &usize| strips[*a].doubt().total_cmp(&strips[*b].doubt());
+        let Some(index) = (0..strips.len()).max_by(by_doubt) else {
+            break;
+        };
+        let strip = strips.swap_remove(index);
+        match strip.halves(seen) {
+            Some(halves) => strips.extend(halves),
+            None => whole.push(strip),
+        }
+    }
+    let lit = strips
+        .iter()
+        .chain(&whole)
+        .filter(|strip| strip.most() > 0.0);
+    lit.filter_map(|strip| strip.area(area.bounds())).collect()
+}
+
+impl Seen for Tracer<'_> {
+    fn slope(&self, at: [f64; 2]) -> Option<f64> {
+        let (wo, to_bulb) = self.on_sample(at)?;
+        let half = self.reflectance.lobe.to_lobe(wo + to_bulb.normalized());
+        Some(half.x / half.z)
+    }
+
+    fn reach(&self, at: [f64; 2]) -> Option<f64> {
+        let (wo, to_bulb) = self.on_sample(at)?;
+        let lobe = &self.reflectance.lobe;
+        let half = lobe.to_lobe(wo + to_bulb.normalized());
+        let q = half.y / half.z;
+        let [p, _] = bulb_slopes(wo, to_bulb, self.scene.bulb.radius, lobe);
+        let extent = p - (half.x / half.z).abs();
+        // At this q the lobe is as narrow as exp(-n p^2 / (2 (1 + q^2))).
+        Some(extent + REACH * ((1.0 + q * q) / lobe.n_u).sqrt())
+    }
+
+    fn brightness(&self, at: [f64; 2]) -> f64 {
+        Tracer::brightness(self, at)
+    }
+}
+
+impl Tracer<'_> {
+    /// The directions to the camera, a unit, and to the bulb's centre, in metres, in the frame of the sample at a
+    /// place of the film.
+    fn on_sample(&self, [column, row]: [f64; 2]) -> Option<(Vec3, Vec3)> {
+        let ray = self.scene.camera.ray(column, row);
+        match self.scene.encounter(&ray, None)? {
+            Encounter::Surface(surface) if surface.thing == Thing::Sample => {
+                let to_bulb = self.scene.bulb.centre - surface.position;
+                let directions = [-ray.direction, to_bulb].map(|to| surface.frame.to_local(to));
+                Some(directions.into())
+            }
+            _ => None,
+        }
+    }
+
+    /// The streak in the part of a pixel that sees a curved sample; `None` where the lobe makes none, none crosses it
+    /// or it is no small share of it.
+    pub(super) fn streak_in(&self, area: &Area) -> Option<Highlight> {
+        let lobe = &self.reflectance.lobe;
+        if lobe.n_u < STREAK * STREAK * lobe.n_v {
+            return None;
+        }
+        let strips = of(self, area);
+        let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
+        let is_small = size < HIGHLIGHT_SHARE_MAX * area.size();
+        is_small.then(|| Highlight::new(strips))?
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    /// A streak along part of a circle, on a sample that ends at another circle.
+    struct Arc {
+        centre: [f64; 2],
+        radius: f64,
+        half_width: f64,
+        limb: Option<f64>,
+    }
+
+    impl Seen for Arc {
+        fn slope(&self, [x, y]: [f64; 2]) -> Option<f64> {
+            if self
+                .limb
+                .is_some_and(|limb| libm::hypot(x - 0.5, y + 1.0) > limb)
+            {
+                return None;
+            }
+            let off = libm::hypot(x - self.centre[0], y - self.centre[1]) - self.radius;
+            // Slopes are not linear in the place.
+            Some(off * (1.0 + 0.3 * off))
+        }
+
+        fn reach(&self, _: [f64; 2]) -> Option<f64> {
+            Some(self.half_width)
+        }
+
+        fn brightness(&self, [x, y]: [f64; 2]) -> f64 {
+            1.0 + x + y
+        }
+    }
+
+    fn uniform(random: &mut ChaCha8Rng) -> f64 {
+        f64::from(random.next_u32()) / f64::from(u32::MAX)
+    }
+
+    /// However narrow it is, a streak is found and held up to the limb, by strips that are hardly larger but where it is
+    /// narrower than they can be.
+    #[test]
+    fn the_strips_of_a_streak_hold_it() {
+        let pixel = [
+            [0.0, 0.0, 1.0],
+            [1.0, 0.0, 1.0],
+            [1.0, 1.0, 1.0],
+            [0.0, 1.0, 1.0],
+        ];
+        let pixel = Outline::of_corners(pixel.to_vec());
+        let area = pixel.within([[0.0; 2], [1.0; 2]]).expect("a pixel");
+        let mut random = ChaCha8Rng::seed_from_u64(23);
+        let (mut looked_at, mut missed) = (0, 0);
+        for draw in 0..400 {
+            let mut draws = || uniform(&mut random);
+            let radius = 0.5 + 5.0 * draws();
+            let turn = std::f64::consts::TAU * draws();
+            let (sin, cos) = libm::sincos(turn);
+            let arc = Arc {
+                centre: [
+                    0.3 + 0.4 * draws() + radius * cos,
+                    0.3 + 0.4 * draws() + radius * sin,
+                ],
+                radius,
+                half_width: libm::exp10(-2.0 - 4.0 * draws()),
+                limb: (draw % 2 == 0).then(|| 1.5 + 0.5 * draws()),
+            };
+            let strips = of(&arc, &area);
+            let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
+            let (mut inside, steps) = (0, 4000);
+            for step in 0..steps {
+                let (sin, cos) =
+                    libm::sincos(std::f64::consts::TAU * f64::from(step) / f64::from(steps));
+                let off = radius + 1.8 * (draws() - 0.5) * arc.half_width;
+                let at = [arc.centre[0] + off * cos, arc.centre[1] + off * sin];
+                if at.iter().all(|at| (0.0..1.0).contains(at)) && arc.slope(at).is_some() {
+                    inside += 1;
+                    missed += u32::from(!strips.iter().any(|(strip, _)| strip.holds(at)));
+                }
+            }
+            looked_at += inside;
+            let length = std::f64::consts::TAU * radius * f64::from(inside) / f64::from(steps);
+            let own = 2.0 * arc.half_width * (length + 0.1);
+            assert!(
+                size < 2.0 * own + 2e-4,
+                "draw {draw}: strips of {size} about {own}"
+            );
+        }
+        assert!(looked_at > 20_000, "{looked_at}");
+        assert!(missed * 100 < looked_at, "{missed} of {looked_at}");
+    }
+}
