@@ -5,17 +5,18 @@
 //! across it. So the places where it does are found on a grid over the pixel, and the line is followed between them, by
 //! strips that are cut until they are nearly straight and evenly bright.
 
+use super::Tracer;
 use super::footprint::{Area, Outline};
 use super::highlight::{Highlight, REACH, STREAK, bulb_slopes};
-use super::{HIGHLIGHT_SHARE_MAX, Tracer};
 use crate::scene::{Encounter, Thing};
 use crate::vector::Vec3;
 
 /// Cells along a side of the grid on which a streak is looked for. Chosen.
 const GRID: usize = 4;
 
-/// Places on the grid's border lie this share of the way to the middle, or farther where that is beside the sample.
-const INWARD: f64 = 1e-3;
+/// The grid's border lies this share of its width outside of what it covers: a streak along the border of two pixels is
+/// found from both. Chosen.
+const OUTWARD: f64 = 0.01;
 
 /// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
 const MIDDLE: f64 = 0.05;
@@ -37,6 +38,10 @@ const EVEN: f64 = 0.25;
 
 /// The half of a strip's width, in pixels, below which rounding would leave none.
 const WIDTH_MIN: f64 = 1e-9;
+
+/// Strips that are no smaller a share of what a pixel sees of the sample are not followed. They may overlap, and know how
+/// bright they are, so that this is more than of other highlights. Chosen.
+const SHARE_MAX: f64 = 0.5;
 
 /// What is seen at a place of the film.
 trait Seen {
@@ -190,18 +195,16 @@ fn crossing(seen: &impl Seen, ends: [([f64; 2], Option<f64>); 2]) -> Option<[f64
     None
 }
 
-/// The place between two that is nearest to the second and still on the sample, if the first is. `shares` are of the way
-/// between them: no nearer than the larger.
-fn on_sample(seen: &impl Seen, [from, to]: [[f64; 2]; 2], shares: [f64; 2]) -> [f64; 2] {
-    let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
-    let is_seen = |share: f64| seen.slope(place(share)).is_some();
-    let [mut on, mut beside] = shares;
-    if is_seen(beside) {
-        return place(beside);
+/// The place between two that is nearest to the second and still on the sample, if the first is.
+fn on_sample(seen: &impl Seen, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    if seen.slope(to).is_some() {
+        return to;
     }
+    let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
+    let (mut on, mut beside) = (0.0, 1.0);
     for _ in 0..LIMB_STEPS {
         let between = 0.5 * (on + beside);
-        if is_seen(between) {
+        if seen.slope(place(between)).is_some() {
             on = between;
         } else {
             beside = between;
@@ -217,11 +220,11 @@ fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
         let steps = [index % (GRID + 1), index / (GRID + 1)];
         let at = [0, 1].map(|axis| {
             let share = steps[axis] as f64 / GRID as f64;
-            least[axis] + (largest[axis] - least[axis]) * share
+            let outward = OUTWARD * (2.0 * share - 1.0);
+            least[axis] + (largest[axis] - least[axis]) * (share + outward)
         });
-        let nearest = area.nearest(at);
-        let node = on_sample(seen, [middle, nearest], [0.0, 1.0 - INWARD]);
-        (node, seen.slope(node))
+        let at = on_sample(seen, middle, at);
+        (at, seen.slope(at))
     };
     let nodes: Vec<_> = (0..(GRID + 1) * (GRID + 1)).map(node).collect();
     let cells = (0..GRID * GRID).map(|cell| cell + cell / GRID);
@@ -311,7 +314,7 @@ impl Tracer<'_> {
         }
         let strips = of(self, area);
         let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
-        let is_small = size < HIGHLIGHT_SHARE_MAX * area.size();
+        let is_small = size < SHARE_MAX * area.size();
         is_small.then(|| Highlight::new(strips))?
     }
 }
