@@ -3,7 +3,7 @@
 //! A pixel that sees metres of a sample may hold all of this in a millionth of its area. It gets paths
 //! of its own there.
 
-use super::footprint::{Area, Outline};
+use super::footprint::{Area, Outline, convex_hull};
 use super::streak::Streak;
 use crate::reflectance::lobe::Lobe;
 use crate::scene::{MirrorPoint, SampleSurface, Scene, SmoothSurface};
@@ -24,8 +24,11 @@ pub const STREAK: f64 = 10.0;
 /// A place lies beside the sample if it is so far off, in sides. Rounding.
 const BESIDE: f64 = 1e-9;
 
-/// Corners of the outline, and directions to the bulb's edge that are looked at.
+/// Directions to the bulb's edge that are looked at.
 const SIDES: u32 = 256;
+
+/// Of as many directions from the lobe's middle one of so many is looked at.
+const LOBE_STEP: usize = 8;
 
 /// Where the bulb shows in the sample.
 #[derive(Debug)]
@@ -129,9 +132,9 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
         extent_u + REACH / lobe.n_u.sqrt(),
         extent_v + REACH / lobe.n_v.sqrt(),
     ];
-    let corners: Vec<([f64; 2], [f64; 2])> = around()
-        .map(|[cos, sin]| {
-            let slopes = [reach[0] * cos, reach[1] * sin];
+    let corners: Vec<([f64; 2], [f64; 2])> = reached(wo, to_bulb, bulb.radius, lobe)
+        .into_iter()
+        .map(|slopes| {
             let slope = lobe.to_surface(Vec3::new(slopes[0], slopes[1], 0.0));
             let x = (by_y.y * slope.x - by_y.x * slope.y) * per_determinant;
             let y = (by_x.x * slope.y - by_x.y * slope.x) * per_determinant;
@@ -169,19 +172,38 @@ fn is_beside(sample: &SampleSurface, position: Vec3) -> bool {
     }
 }
 
-/// The largest slopes along the lobe's axes of half vectors between `wo` and the bulb.
-pub fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
+/// The slopes along the lobe's axes of half vectors between `wo` and the bulb's edge.
+fn edge_slopes(
+    wo: Vec3,
+    to_bulb: Vec3,
+    radius: f64,
+    lobe: &Lobe,
+) -> impl Iterator<Item = [f64; 2]> {
     let axis = to_bulb.normalized();
     let (x, y) = perpendiculars(axis);
     let tangent = radius / (to_bulb.length_squared() - radius * radius).sqrt();
-    around().fold([0.0; 2], |[u, v], [cos, sin]| {
+    around().map(move |[cos, sin]| {
         let edge = (axis + x * (tangent * cos) + y * (tangent * sin)).normalized();
         let half = lobe.to_lobe(wo + edge);
-        [
-            u.max((half.x / half.z).abs()),
-            v.max((half.y / half.z).abs()),
-        ]
+        [half.x / half.z, half.y / half.z]
     })
+}
+
+/// The largest of them along each axis.
+pub fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
+    let edge = edge_slopes(wo, to_bulb, radius, lobe);
+    edge.fold([0.0; 2], |[u, v], [p, q]| [u.max(p.abs()), v.max(q.abs())])
+}
+
+/// The convex outline of slopes that are no farther than the lobe reaches from those of half vectors that see the bulb.
+/// Grazing light draws the bulb out, in any direction across the lobe's axes.
+fn reached(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> Vec<[f64; 2]> {
+    let widths = [lobe.n_u, lobe.n_v].map(|n| REACH / n.sqrt());
+    let places = edge_slopes(wo, to_bulb, radius, lobe).flat_map(|[p, q]| {
+        let lobe = around().step_by(LOBE_STEP);
+        lobe.map(move |[cos, sin]| [p + widths[0] * cos, q + widths[1] * sin])
+    });
+    convex_hull(places.collect())
 }
 
 /// Cosines and sines of angles all around.
@@ -196,6 +218,7 @@ fn around() -> impl Iterator<Item = [f64; 2]> {
 mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
+    use crate::scene::Bulb;
     use dataset::Specification;
 
     /// The share of the lobe's light about the mirror image that lies outside of the outline, if there is one.
@@ -254,5 +277,44 @@ mod tests {
             }
         }
         assert!(outlined > 15, "{outlined}");
+    }
+
+    /// Grazing light draws the bulb out across the lobe's axes. In a mirror the outline holds all of the bulb's image.
+    #[test]
+    fn the_outline_holds_a_bulb_across_the_axes() {
+        let mut looked_at = 0;
+        for elevation in [3.0, 10.0, 30.0] {
+            let mut specification = Specification::preset();
+            (specification.image.width, specification.image.height) = (1, 1);
+            specification.camera.film_half_width = 5.0;
+            specification.sample.side_m = 1.0;
+            specification.light.radius_m = 1e-3;
+            for view in &mut specification.views {
+                view.checker = false;
+                (view.camera_elevation_deg, view.light_elevation_deg) = (elevation, elevation);
+            }
+            let scene = Scene::new(&specification, 0, BackendChoice::Native);
+            let scene = scene.expect("such a view").expect("a scene");
+            let (eye, Bulb { centre, radius, .. }) = (scene.camera.position, scene.bulb);
+            for angle in [0.0, 20.0, 45.0, 70.0] {
+                let outlines = outlines(&scene, &Lobe::new(0.0, 0.05, angle)).within;
+                let outlines = outlines.expect("an outline");
+                let areas = outlines
+                    .iter()
+                    .filter_map(|(part, _)| part.within_pixel(0, 0));
+                let areas: Vec<Area> = areas.collect();
+                let (x, y) = perpendiculars((centre - eye).normalized());
+                for [cos, sin] in around() {
+                    let edge = centre + (x * cos + y * sin) * (0.9 * radius);
+                    let below = Vec3::new(edge.x, edge.y, -edge.z);
+                    let place = eye + (below - eye) * (eye.z / (eye.z + edge.z));
+                    let at = scene.camera.project(place).expect("before the camera");
+                    looked_at += 1;
+                    let held = areas.iter().any(|area| area.holds(at));
+                    assert!(held, "elevation {elevation}, angle {angle}: {at:?}");
+                }
+            }
+        }
+        assert_eq!(looked_at, 3 * 4 * SIDES);
     }
 }
