@@ -7,7 +7,7 @@
 # tracer's), and the longest rendering in processor seconds. A draw that takes minutes is reported
 # and left out. BRDFARM_SEED=N repeats a search; RAYON_NUM_THREADS draws are examined at a time.
 #
-#   tests/scenes.sh [--coarse | --traced | --streaks] N [FIRST]
+#   tests/scenes.sh [--coarse | --traced | --streaks | --glints] N [FIRST]
 #
 # --coarse draws accuracies from 0.01 to 0.1, where the renderer takes series of fewer terms.
 #
@@ -16,7 +16,8 @@
 # three times as much, and in two of four other images by more than it states, has failed.
 #
 # --streaks draws such scenes in which a bulb of no more than a hundredth of its distance lights a
-# sphere or a cylinder that is all but smooth along one axis.
+# sphere or a cylinder that is all but smooth along one axis; --glints such in which it lights a near
+# mirror of any shape but a mesh.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -32,6 +33,10 @@ case "${1:-}" in
     ;;
   --streaks)
     search=a_long_search_of_streaks
+    shift
+    ;;
+  --glints)
+    search=a_long_search_of_glints
     shift
     ;;
 esac

@@ -73,6 +73,9 @@ impl<F: Fn([f64; 2]) -> f64> Cutter<'_, F> {
     fn cell(&self, area: Area) -> Cell {
         let values = PLACES.map(|place| (self.brightness)(area.point(place)));
         let nearest = self.toward.map(|toward| {
+            if area.holds(toward) {
+                return toward;
+            }
             let (nearest, middle) = (area.nearest(toward), area.point([0.5; 2]));
             [0, 1].map(|axis| nearest[axis] + (middle[axis] - nearest[axis]) * INWARD)
         });

@@ -130,7 +130,9 @@ struct Scratch {
     batch: SlopeBatch,
     reach: Reach,
     evaluations: u64,
-    /// At most what the rule over the bulb is off by.
+    /// What the path's radiance is multiplied by.
+    weight: f64,
+    /// At most what the rule over the bulb is off by, times the weight of its path.
     rule_error: f64,
     /// The brightest light of the bulb that was met on a mesh, in any channel.
     brightest: f64,
@@ -320,6 +322,7 @@ impl<'a> Tracer<'a> {
             let sampler = sampler.part(number);
             for index in 0..count {
                 let ([column, row], weight) = part.point(sampler.point(Dimension::Film, index));
+                scratch.weight = weight;
                 let ray = self.scene.camera.ray(column, row);
                 let radiance = match (part.target, self.scene.encounter(&ray, None)) {
                     (Target::Bulb, Some(Encounter::Bulb)) => [self.scene.bulb.radiance; 3],

@@ -1,12 +1,13 @@
-//! Highlights of the bulb on a sample that few pixels see, against the `hybrid` integrator.
+//! Highlights of the bulb on a sample that few pixels see.
 
-use super::{Tracer, render};
+use super::{Tracer, render, render_to_accuracy};
 use crate::film::FilmPixel;
 use crate::geometry::BackendChoice;
 use crate::hybrid::PreparedView;
+use crate::numerics::instructions::Instructions;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
-use dataset::specification::Tint;
+use dataset::specification::{Shape, Tint};
 use dataset::{Material, Specification};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -150,4 +151,35 @@ fn a_highlight_on_the_edge_of_the_sample_is_met() {
     let found = traced(on_the_edge);
     assert!(found.beyond * 20 <= found.pixels, "{found:?}");
     assert!(found.far * 20 <= found.pixels, "{found:?}");
+}
+
+/// A mirror ball shows a small bulb in a hundred thousandth of the one pixel of a film. It sends a quarter of the light
+/// that would fall on its cross-section, times what the mirror reflects, in all directions: a tenth of white here.
+#[test]
+fn a_mirror_ball_shows_the_bulb() {
+    let mut specification = Specification::preset();
+    (specification.image.width, specification.image.height) = (1, 1);
+    specification.integrator.samples_per_pixel = 64;
+    specification.sample.shape = Shape::Sphere;
+    specification.light.radius_m = 1e-4;
+    specification.views.truncate(1);
+    specification.views[0].checker = false;
+    let material = Material {
+        roughness: 0.0,
+        anisotropy: 0.0,
+        angle_deg: 0.0,
+        ior: 10.0,
+        rgb0: [1.0; 3],
+        rgb90: [1.0; 3],
+    };
+    let scene = Scene::new(&specification, 0, BackendChoice::Native);
+    let scene = scene.expect("such a view").expect("a scene");
+    let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+    let of_path = render(&scene, &reflectance, &specification, 7);
+    let (key, widest) = (7, Instructions::widest());
+    let to_accuracy = render_to_accuracy(&scene, &reflectance, &specification, key, widest);
+    for traced in [of_path, to_accuracy] {
+        let FilmPixel { value, error } = traced.film.pixels[0];
+        assert!(value[0] > 0.05 && error < value[0], "{value:?}, {error}");
+    }
 }

@@ -76,7 +76,7 @@ impl<'a> WorkedOut<'a> {
             };
             let finer = off_sample(&finer, wo, to_bulb, scratch);
             for (channel, finer) in light.into_iter().zip(finer) {
-                let off = DIFFERENCES * (channel - finer).abs();
+                let off = DIFFERENCES * scratch.weight * (channel - finer).abs();
                 scratch.rule_error = scratch.rule_error.max(off);
             }
         }

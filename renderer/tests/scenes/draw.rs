@@ -79,14 +79,31 @@ pub fn draw_traced(seed: u64, index: u64) -> Case {
 
 /// Draw number `index` of the search of streaks that `seed` names.
 pub fn draw_streaks(seed: u64, index: u64) -> Case {
+    traced(seed, index, make_streak)
+}
+
+/// Draw number `index` of the search of glints that `seed` names.
+pub fn draw_glints(seed: u64, index: u64) -> Case {
     traced(seed, index, |specification, material, random| {
-        specification.sample.shape = random.one_of(&[Shape::Sphere, Shape::Cylinder]);
-        let light = &mut specification.light;
-        light.radius_m = (light.distance_m * random.log_uniform(1e-6, 1e-2)).max(1e-4);
-        let roughness = random.uniform(0.0, STREAK_ROUGHNESS_MAX);
-        material.roughness = random.one_of(&[0.0, roughness]);
-        material.anisotropy = 1.0 - random.log_uniform(1e-8, 0.3);
+        make_streak(specification, material, random);
+        let shape = random.one_of(&[Shape::Square, Shape::Sphere, Shape::Cylinder]);
+        specification.sample.shape = shape;
+        let anisotropy = random.uniform(0.0, 1.0);
+        material.anisotropy = match shape {
+            Shape::Square => random.one_of(&[material.anisotropy, 0.0, anisotropy]),
+            _ => random.one_of(&[0.0, anisotropy]),
+        };
     })
+}
+
+/// A small bulb, and a curved sample that is all but smooth along one axis.
+fn make_streak(specification: &mut Specification, material: &mut Material, random: &mut Random) {
+    specification.sample.shape = random.one_of(&[Shape::Sphere, Shape::Cylinder]);
+    let light = &mut specification.light;
+    light.radius_m = (light.distance_m * random.log_uniform(1e-6, 1e-2)).max(1e-4);
+    let roughness = random.uniform(0.0, STREAK_ROUGHNESS_MAX);
+    material.roughness = random.one_of(&[0.0, roughness]);
+    material.anisotropy = 1.0 - random.log_uniform(1e-8, 0.3);
 }
 
 /// A case that the path tracer renders, from a specification and a material that are changed.

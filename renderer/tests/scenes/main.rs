@@ -108,6 +108,11 @@ fn a_short_search_of_streaks_finds_nothing() {
     search_shortly(draw::draw_streaks, &[]);
 }
 
+#[test]
+fn a_short_search_of_glints_finds_nothing() {
+    search_shortly(draw::draw_glints, &[]);
+}
+
 /// Seeds and draws of long searches in which pixels were off by more than they stated, and by what.
 const ONCE_FAILED: [(u64, u64); 45] = [
     // A chart of a few pixels at the sample's edge, between the nodes of a tile.
@@ -226,6 +231,12 @@ fn traced_draws_that_once_failed_hold() {
     hold(draw::draw_traced, &TRACED_ONCE_FAILED);
 }
 
+/// The bulb drawn out by grazing light across the axes of a near mirror, on a cylinder.
+#[test]
+fn glints_that_once_failed_hold() {
+    hold(draw::draw_glints, &[(20_261_178, 71)]);
+}
+
 fn hold(draw: Draw, once_failed: &[(u64, u64)]) {
     let effort = Effort {
         pixels_max: 8,
@@ -271,6 +282,13 @@ fn a_long_search_of_the_path_tracer_finds_nothing() {
 #[ignore = "runs for as long as it is told to"]
 fn a_long_search_of_streaks_finds_nothing() {
     search_as_told(draw::draw_streaks);
+}
+
+/// `tests/scenes.sh --glints` runs it.
+#[test]
+#[ignore = "runs for as long as it is told to"]
+fn a_long_search_of_glints_finds_nothing() {
+    search_as_told(draw::draw_glints);
 }
 
 fn search_as_told(draw: Draw) {
