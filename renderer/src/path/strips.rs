@@ -1,9 +1,9 @@
 //! Where a streak crosses a pixel that sees a curved sample, found by looking.
 //!
-//! On a sphere or a cylinder no formula here gives the line p = 0 of the slope plane ([`super::streak`]), and it may be a
-//! thousandth of a pixel wide: neither paths over the pixel nor [`super::cells`] meet it. But the slope changes its sign
-//! across it. So the places where it does are found on a grid over the pixel, and the line is followed between them, by
-//! strips that are cut until they are nearly straight and evenly bright.
+//! On a sphere or a cylinder no formula here gives the line p = 0 of the slope plane ([`super::streak`]), and it may be
+//! a thousandth of a pixel wide: neither paths over the pixel nor [`super::cells`] meet it. But the slope changes its
+//! sign across it. So the places where it does are found on a grid over the pixel, and the line is followed between
+//! them, by strips that are cut until they are nearly straight and evenly bright.
 
 use super::Tracer;
 use super::footprint::{Area, Outline};
@@ -14,8 +14,8 @@ use crate::vector::Vec3;
 /// Cells along a side of the grid on which a streak is looked for. Chosen.
 const GRID: usize = 4;
 
-/// The grid's border lies this share of its width outside of what it covers: a streak along the border of two pixels is
-/// found from both. Chosen.
+/// The grid's border lies this share of its width outside of what it covers: a streak along the border of two pixels
+/// is found from both. Chosen.
 const OUTWARD: f64 = 0.01;
 
 /// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
@@ -33,14 +33,15 @@ const DIFFERENCE: f64 = 1e-3;
 /// The most that strips are cut, each in two. Chosen.
 const CUTS_MAX: usize = 48;
 
-/// Nothing more is cut where bends, and what brightness differs by within strips, are such a share of all light. Chosen.
+/// Nothing more is cut where bends, and what brightness differs by within strips, are such a share of all light.
+/// Chosen.
 const EVEN: f64 = 0.25;
 
 /// The half of a strip's width, in pixels, below which rounding would leave none.
 const WIDTH_MIN: f64 = 1e-9;
 
-/// Strips that are no smaller a share of what a pixel sees of the sample are not followed. They may overlap, and know how
-/// bright they are, so that this is more than of other highlights. Chosen.
+/// Strips that are no smaller a share of what a pixel sees of the sample are not followed. They may overlap, and know
+/// how bright they are, so that this is more than of other highlights. Chosen.
 const SHARE_MAX: f64 = 0.5;
 
 /// What is seen at a place of the film.
@@ -67,6 +68,7 @@ struct Strip {
 }
 
 impl Strip {
+    /// Between two places in the middle; `None` where the streak cannot be followed from one to the other.
     fn between(seen: &impl Seen, ends: [[f64; 2]; 2]) -> Option<Self> {
         let [from, to] = ends;
         let (along, length) = direction(ends);
@@ -359,8 +361,8 @@ mod tests {
         f64::from(random.next_u32()) / f64::from(u32::MAX)
     }
 
-    /// However narrow it is, a streak is found and held up to the limb, by strips that are hardly larger but where it is
-    /// narrower than they can be.
+    /// However narrow it is, a streak is found and held up to the limb, by strips that are hardly larger but where it
+    /// is narrower than they can be.
     #[test]
     fn the_strips_of_a_streak_hold_it() {
         let pixel = [
