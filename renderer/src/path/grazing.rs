@@ -1,9 +1,9 @@
 //! The bulb on the horizon of a curved glossy surface.
 //!
 //! Half of the directions are drawn over the bulb and half by the lobe, weighed by the balance heuristic (Veach and
-//! Guibas 1995). Those below the horizon bring nothing. The lobe's are half vectors that see the bulb, as elsewhere
-//! ([`super::glint`]), where all half vectors that do are above the surface; where not, they fill no ellipse, and the
-//! surface's own density draws them.
+//! Guibas 1995). Those below the horizon bring nothing. By the lobe, half vectors that see the bulb are drawn, as
+//! elsewhere ([`super::glint`]). Where some of these are below the surface they fill no ellipse; there the surface's own
+//! density draws directions.
 
 use super::glint::Glint;
 use crate::bsdf::Bsdf;

@@ -27,7 +27,7 @@ const BESIDE: f64 = 1e-9;
 /// Directions to the bulb's edge that are looked at.
 const SIDES: u32 = 256;
 
-/// Of as many directions from the lobe's middle one of so many is looked at.
+/// Of as many directions from the lobe's middle, one in so many is looked at.
 const LOBE_STEP: usize = 8;
 
 /// Where the bulb shows in the sample.

@@ -14,8 +14,8 @@ use crate::vector::Vec3;
 /// Cells along a side of the grid on which a streak is looked for. Chosen.
 const GRID: usize = 4;
 
-/// The grid's border lies this share of its width outside of what it covers: a streak along the border of two pixels
-/// is found from both. Chosen.
+/// The grid reaches so far beyond what it covers, as a share of its width: a streak along the border of two pixels is
+/// found from both. Chosen.
 const OUTWARD: f64 = 0.01;
 
 /// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
@@ -33,15 +33,14 @@ const DIFFERENCE: f64 = 1e-3;
 /// The most that strips are cut, each in two. Chosen.
 const CUTS_MAX: usize = 48;
 
-/// Nothing more is cut where bends, and what brightness differs by within strips, are such a share of all light.
-/// Chosen.
+/// Cutting ends where the light in doubt, because strips bend or are unevenly bright, is such a share of all. Chosen.
 const EVEN: f64 = 0.25;
 
 /// The half of a strip's width, in pixels, below which rounding would leave none.
 const WIDTH_MIN: f64 = 1e-9;
 
-/// Strips that are no smaller a share of what a pixel sees of the sample are not followed. They may overlap, and know
-/// how bright they are, so that this is more than of other highlights. Chosen.
+/// Strips get paths of their own if they are a smaller share than this of what a pixel sees of the sample. It is larger
+/// than for other highlights, because strips overlap and each knows how bright it is. Chosen.
 const SHARE_MAX: f64 = 0.5;
 
 /// What is seen at a place of the film.
@@ -198,7 +197,7 @@ fn crossing(seen: &impl Seen, ends: [([f64; 2], Option<f64>); 2]) -> Option<[f64
 }
 
 /// The place between two that is nearest to the second and still on the sample, if the first is.
-fn on_sample(seen: &impl Seen, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+fn seen_toward(seen: &impl Seen, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     if seen.slope(to).is_some() {
         return to;
     }
@@ -225,7 +224,7 @@ fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
             let outward = OUTWARD * (2.0 * share - 1.0);
             least[axis] + (largest[axis] - least[axis]) * (share + outward)
         });
-        let at = on_sample(seen, middle, at);
+        let at = seen_toward(seen, middle, at);
         (at, seen.slope(at))
     };
     let nodes: Vec<_> = (0..(GRID + 1) * (GRID + 1)).map(node).collect();
