@@ -1,10 +1,10 @@
 //! How paths go on from a surface to the one that it faces.
 
-use super::glint::Window;
 use super::hidden_chart;
 use super::lit::Lit;
 use super::reach::Unmet;
 use super::visible_part::VisiblePart;
+use super::window::Window;
 use crate::bsdf::Bsdf;
 use crate::geometry::{Rectangle, Sphere};
 use crate::scene::{Facing, Surface};

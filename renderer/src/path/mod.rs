@@ -27,10 +27,12 @@ mod highlight;
 mod interval;
 mod lit;
 mod reach;
+mod slice;
 mod streak;
 mod strips;
 mod trace;
 mod visible_part;
+mod window;
 mod worked_out;
 
 use crate::bsdf::Bsdf;
