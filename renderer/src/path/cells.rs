@@ -20,7 +20,7 @@ const UNEVEN: f64 = 4.0;
 const DARK: f64 = 1e-9;
 
 /// The most that cells are cut, each into four. Chosen.
-const CUTS_MAX: usize = 48;
+const CUTS_MAX: usize = 96;
 
 /// Nothing more is cut where what brightness may differ by within cells is such a share of all light. Chosen.
 const EVEN: f64 = 0.25;
@@ -32,7 +32,8 @@ const LARGER: f64 = 1.3;
 /// Where of the unit square an area is looked at.
 const PLACES: [[f64; 2]; 4] = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
 
-/// A place on a side is looked at this share of the way to the middle: on the side itself rounding may miss the sample.
+/// A place on a side is looked at this share of the way to the middle, too: on the side itself rounding may miss the
+/// sample.
 const INWARD: f64 = 1e-3;
 
 /// The part of a rectangle of the film that sees the sample, and how bright it is at places.
@@ -69,16 +70,16 @@ struct Cutter<'a, F> {
 }
 
 impl<F: Fn([f64; 2]) -> f64> Cutter<'_, F> {
-    /// Looks at places of an area, and at the one nearest to where most light is.
+    /// Looks at places of an area, and at those nearest to where most light is: the image of a small bulb may be cut by
+    /// the area's side.
     fn cell(&self, area: Area) -> Cell {
         let values = PLACES.map(|place| (self.brightness)(area.point(place)));
         let nearest = self.toward.map(|toward| {
-            if area.holds(toward) {
-                return toward;
-            }
             let (nearest, middle) = (area.nearest(toward), area.point([0.5; 2]));
-            [0, 1].map(|axis| nearest[axis] + (middle[axis] - nearest[axis]) * INWARD)
+            let inward = [0, 1].map(|axis| nearest[axis] + (middle[axis] - nearest[axis]) * INWARD);
+            [nearest, inward]
         });
+        let nearest = nearest.into_iter().flatten();
         let looked_at = values.into_iter().chain(nearest.map(&self.brightness));
         let range = [f64::INFINITY, 0.0];
         let [least, most] = looked_at.fold(range, |[least, most], value| {

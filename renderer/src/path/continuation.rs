@@ -3,7 +3,7 @@
 use super::hidden_chart;
 use super::lit::Lit;
 use super::reach::Unmet;
-use super::visible_part::VisiblePart;
+use super::visible_part::{self, VisiblePart};
 use super::window::Window;
 use crate::bsdf::Bsdf;
 use crate::geometry::{Rectangle, Sphere};
@@ -73,10 +73,11 @@ impl<'a> Continuation<'a> {
                 cone.map(Aim::Cone)
             }
             Facing::Rectangle(rectangle) => {
-                Some(at_rectangle(surface, bsdf, rectangle, wo, bounce)?)
+                Some(at_rectangle(surface, bsdf, rectangle, wo, bounce, false)?)
             }
             Facing::Itself(chart) => {
-                let aim = chart.and_then(|chart| at_rectangle(surface, bsdf, chart, wo, bounce));
+                let aim =
+                    chart.and_then(|chart| at_rectangle(surface, bsdf, chart, wo, bounce, true));
                 match (aim, bsdf, chart) {
                     // Directions to all of the chart weigh little, whatever hides it, and a window may
                     // leave some of it out.
@@ -108,7 +109,9 @@ impl<'a> Continuation<'a> {
 
     /// At most what paths carry to the chart that have not met it.
     pub fn unmet(&self) -> Unmet {
-        if !matches!(self.facing, Facing::Itself(_)) {
+        let on_material = matches!(self.bsdf, Bsdf::Material(_));
+        let at_area = on_material && matches!(self.target, Some(Aim::Area(..)));
+        if !(at_area || matches!(self.facing, Facing::Itself(_))) {
             // The chart before a smooth surface is hidden nowhere: what is not met is far out in the lobe.
             return Unmet {
                 share: f64::INFINITY,
@@ -120,8 +123,12 @@ impl<'a> Continuation<'a> {
         }
         // No weight of a surface's own density exceeds 1.
         let of_all = 1.0 / (1.0 - self.aimed);
-        let (Bsdf::Material(reflectance), Facing::Itself(Some(chart))) = (self.bsdf, self.facing)
-        else {
+        let chart = match (&self.target, self.facing) {
+            (Some(Aim::Area(chart, _)), _) => *chart,
+            (_, Facing::Itself(Some(chart))) => chart,
+            _ => return Unmet::unknown(of_all),
+        };
+        let Bsdf::Material(reflectance) = self.bsdf else {
             return Unmet::unknown(of_all);
         };
         let part = match &self.target {
@@ -164,6 +171,21 @@ impl<'a> Continuation<'a> {
         let scale = wi.z / (self.aimed * density + own * self.bsdf.density(wi, wo));
         let value = self.bsdf.evaluate(wi, wo);
         Some((wi, value.map(|channel| channel * scale)))
+    }
+
+    /// What a path carries that met what it was to meet, as a share of its radiance, but for what the surface absorbs:
+    /// the surface's own density over that of paths. Those that are aimed by the lobe itself show it, whatever they
+    /// carry.
+    pub fn carried(&self, wi: Vec3) -> f64 {
+        if !matches!(
+            (self.bsdf, &self.target),
+            (Bsdf::Material(_), Some(Aim::Area(..)))
+        ) {
+            return f64::INFINITY;
+        }
+        let own = self.bsdf.density(wi, self.wo);
+        let aimed = self.aimed_density(wi);
+        own / ((1.0 - self.aimed) * own + self.aimed * aimed).max(f64::MIN_POSITIVE)
     }
 
     /// The share of aimed paths that go to where the bulb lights what they are aimed at.
@@ -225,12 +247,14 @@ impl<'a> Continuation<'a> {
     }
 }
 
+/// Aimed at a rectangle, or at the part of it above the horizon of a surface that `may_fold` and hide some of that, too.
 fn at_rectangle<'a>(
     surface: &Surface,
     bsdf: &Bsdf<'a>,
     rectangle: &'a Rectangle,
     wo: Vec3,
     bounce: u32,
+    may_fold: bool,
 ) -> Option<Aim<'a>> {
     if rectangle.normal.dot(surface.position - rectangle.corner) < 0.0 {
         return None;
@@ -245,9 +269,17 @@ fn at_rectangle<'a>(
         Some(VisiblePart::new(heights)?)
     };
     let window = match bsdf {
-        Bsdf::Material(reflectance) if bounce == 0 && is_above => {
+        Bsdf::Material(reflectance) if bounce == 0 => {
+            let lobe = &reflectance.lobe;
+            // Where directions to all of the rectangle weigh little, they are as good for what is left of it.
+            let weighs = || hidden_chart::peak_share(surface, lobe, rectangle, wo) >= AIMED;
             let (corner, sides) = in_frame(surface, rectangle);
-            Window::new(&reflectance.lobe, wo, corner, sides)
+            let polygon = match &part {
+                None => Some(&visible_part::SQUARE[..]),
+                Some(part) if !may_fold && weighs() => Some(part.corners()),
+                Some(_) => None,
+            };
+            polygon.and_then(|polygon| Window::new(lobe, wo, corner, sides, polygon))
         }
         _ => None,
     };

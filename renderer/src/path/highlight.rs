@@ -18,8 +18,8 @@ pub const REACH: f64 = 4.5;
 /// How far places may be off the slopes that they were taken to have, as a share of the outline's reach. Chosen.
 const LINEAR: f64 = 0.1;
 
-/// A lobe that is so many times wider along one axis than along the other makes a streak. Chosen.
-pub const STREAK: f64 = 10.0;
+/// What reaches so many times farther along one of the lobe's axes than along the other is a streak. Chosen.
+const STREAK: f64 = 10.0;
 
 /// A place lies beside the sample if it is so far off, in sides. Rounding.
 const BESIDE: f64 = 1e-9;
@@ -39,6 +39,8 @@ pub struct BulbShows {
     pub within: Option<Vec<(Outline, f64)>>,
     /// Where on the film the bulb's centre would show in a mirror, if the camera sees that.
     pub mirror_image: Option<[f64; 2]>,
+    /// Whether the lobe makes a streak of it. A bulb that is large beside the lobe shows as it would in a mirror.
+    pub is_streak: bool,
 }
 
 /// The part of a pixel where the bulb's highlight is, in parts.
@@ -108,12 +110,9 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
             return BulbShows {
                 within: Some(Vec::new()),
                 mirror_image: None,
+                is_streak: false,
             };
         }
-    };
-    let shows = |within| BulbShows {
-        within,
-        mirror_image: camera.project(position),
     };
     let (to_eye, to_bulb) = [eye, centre].map(|at| frame.to_local(at - position)).into();
     let (wo, wi) = (to_eye.normalized(), to_bulb.normalized());
@@ -132,6 +131,11 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
         extent_u + REACH / lobe.n_u.sqrt(),
         extent_v + REACH / lobe.n_v.sqrt(),
     ];
+    let shows = |within| BulbShows {
+        within,
+        mirror_image: camera.project(position),
+        is_streak: is_streak(reach),
+    };
     let corners: Vec<([f64; 2], [f64; 2])> = reached(wo, to_bulb, bulb.radius, lobe)
         .into_iter()
         .map(|slopes| {
@@ -151,7 +155,7 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
     let bends = |&(at, slopes): &([f64; 2], [f64; 2])| streak.off(at, slopes, reach) >= LINEAR;
     if curvature == [0.0; 2] {
         let bends = corners.iter().any(bends);
-        if bends && reach[1] > STREAK * reach[0] {
+        if bends && is_streak(reach) {
             return shows(Some(streak.outlines(camera, to_world)));
         }
         if bends || is_beside(&scene.sample, position) {
@@ -160,6 +164,11 @@ pub fn outlines(scene: &Scene, lobe: &Lobe) -> BulbShows {
     }
     let corners: Vec<Vec3> = corners.iter().map(|&(at, _)| to_world(at)).collect();
     shows(Some(vec![(Outline::of_polygon(camera, &corners), 1.0)]))
+}
+
+/// Whether what reaches so far along the lobe's axes is a streak.
+fn is_streak([narrow, wide]: [f64; 2]) -> bool {
+    wide > STREAK * narrow
 }
 
 /// Whether a place on the plane of a flat sample lies beside it.

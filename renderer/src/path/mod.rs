@@ -19,6 +19,7 @@ mod cells;
 mod continuation;
 mod counts;
 mod facets;
+mod flank;
 mod footprint;
 mod glint;
 mod grazing;
@@ -283,12 +284,15 @@ impl<'a> Tracer<'a> {
         let BulbShows {
             within,
             mirror_image,
+            is_streak,
         } = &self.highlight;
         // A pixel may be lit on a sliver of a curved sample alone.
         let may_be_sliver = |box_size| box_size <= FEW_PIXELS || area.size() < WHOLE;
-        let streak = self.curved_in.and_then(|_| self.streak_in(area));
-        if streak.is_some() {
-            return streak;
+        if *is_streak && self.curved_in.is_some() {
+            let streak = self.streak_in(area, *mirror_image);
+            if streak.is_some() {
+                return streak;
+            }
         }
         match within {
             Some(outlines) if !self.curved_in.is_some_and(may_be_sliver) => {
@@ -403,7 +407,9 @@ impl<'a> Tracer<'a> {
                 break;
             };
             let meets_chart = surface.thing == Thing::Chart || next.thing == Thing::Chart;
-            scratch.reach.hit |= bounce == 0 && meets_chart;
+            if bounce == 0 && meets_chart {
+                scratch.reach.met = scratch.reach.met.max(continuation.carried(wi));
+            }
             viewer = -ray.direction;
             surface = next;
         }

@@ -2,11 +2,14 @@
 
 use super::interval::UNSEEN;
 
-/// Whether any of some paths went on from the sample to the chart, and what those that did not may have left
-/// out.
+/// A path that met the chart with this share of what one may carry there shows what is to be met. Chosen.
+const SHOWS: f64 = 0.1;
+
+/// What paths that went on from the sample to the chart have met, and what those that did not may have left out.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
-    pub hit: bool,
+    /// The most that a path carried that met the chart, as a share of its radiance.
+    pub met: f64,
     /// Of all that went on from the sample.
     pub unmet: Unmet,
 }
@@ -45,7 +48,7 @@ impl Default for Reach {
 impl Reach {
     /// Of no path.
     pub const NONE: Self = Self {
-        hit: false,
+        met: 0.0,
         unmet: Unmet::NOTHING,
     };
 
@@ -55,12 +58,13 @@ impl Reach {
         self.unmet.weight = self.unmet.weight.max(unmet.weight);
     }
 
-    /// At most the share of a pixel's light that goes to the chart, `paths` paths not having met it.
+    /// At most the share of a pixel's light that goes to the chart, `paths` paths not having met it. Paths that are
+    /// aimed at all of it may meet it where the lobe sends nothing.
     pub fn unseen(&self, paths: u32) -> f64 {
-        if self.hit {
+        let Unmet { share, weight } = self.unmet;
+        if self.met > 0.0 && self.met >= SHOWS * weight {
             return 0.0;
         }
-        let Unmet { share, weight } = self.unmet;
         share.min(UNSEEN / f64::from(paths) * weight)
     }
 }

@@ -5,9 +5,9 @@
 //! sign across it. So the places where it does are found on a grid over the pixel, and the line is followed between
 //! them, by strips that are cut until they are nearly straight and evenly bright.
 
-use super::Tracer;
 use super::footprint::{Area, Outline};
-use super::highlight::{Highlight, REACH, STREAK, bulb_slopes};
+use super::highlight::{Highlight, REACH, bulb_slopes};
+use super::{Tracer, flank};
 use crate::scene::{Encounter, Thing};
 use crate::vector::Vec3;
 
@@ -16,10 +16,13 @@ const GRID: usize = 4;
 
 /// The grid reaches so far beyond what it covers, as a share of its width: a streak along the border of two pixels is
 /// found from both. Chosen.
-const OUTWARD: f64 = 0.01;
+pub const OUTWARD: f64 = 0.01;
 
 /// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
 const MIDDLE: f64 = 0.05;
+
+/// Places along a side of an area whose middle is beside the sample, among which one on it is looked for. Chosen.
+const PLACES: usize = 8;
 
 /// Halvings by which the sample's limb is found.
 const LIMB_STEPS: usize = 12;
@@ -44,7 +47,7 @@ const WIDTH_MIN: f64 = 1e-9;
 const SHARE_MAX: f64 = 0.5;
 
 /// What is seen at a place of the film.
-trait Seen {
+pub trait Seen {
     /// The half vector's slope along the lobe's narrow axis; `None` beside the sample.
     fn slope(&self, at: [f64; 2]) -> Option<f64>;
     /// The largest slope at which the lobe sends light there.
@@ -196,14 +199,14 @@ fn crossing(seen: &impl Seen, ends: [([f64; 2], Option<f64>); 2]) -> Option<[f64
     None
 }
 
-/// The place between two that is nearest to the second and still on the sample, if the first is.
-fn seen_toward(seen: &impl Seen, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+/// The place between two that is nearest to the second and still on the sample, if the first is, by so many halvings.
+pub fn seen_toward(seen: &impl Seen, [from, to]: [[f64; 2]; 2], steps: usize) -> [f64; 2] {
     if seen.slope(to).is_some() {
         return to;
     }
     let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
     let (mut on, mut beside) = (0.0, 1.0);
-    for _ in 0..LIMB_STEPS {
+    for _ in 0..steps {
         let between = 0.5 * (on + beside);
         if seen.slope(place(between)).is_some() {
             on = between;
@@ -214,9 +217,29 @@ fn seen_toward(seen: &impl Seen, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
     place(on)
 }
 
-/// The strips between the crossings of the sides of each of the grid's cells.
-fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
-    let ([least, largest], middle) = (area.bounds(), area.point([0.5; 2]));
+/// A place of `area` on the sample, in the middle of it if it can be: the outline of a sample close to the camera holds
+/// much beside it.
+fn middle_of(seen: &impl Seen, area: &Area, image: Option<[f64; 2]>) -> Option<[f64; 2]> {
+    let is_seen = |at: &[f64; 2]| seen.slope(*at).is_some();
+    let middle = area.point([0.5; 2]);
+    if is_seen(&middle) {
+        return Some(middle);
+    }
+    let places = (0..PLACES * PLACES)
+        .map(|place| [place % PLACES, place / PLACES].map(|k| (k as f64 + 0.5) / PLACES as f64));
+    let seen: Vec<[f64; 2]> = places.map(|at| area.point(at)).filter(is_seen).collect();
+    let mean = [0, 1].map(|axis| seen.iter().map(|at| at[axis]).sum::<f64>() / seen.len() as f64);
+    let nearest = image.map(|image| area.nearest(image));
+    [Some(mean), nearest, seen.first().copied()]
+        .into_iter()
+        .flatten()
+        .find(is_seen)
+}
+
+/// The strips between the crossings of the sides of each of the grid's cells; in the cell of `image`, those from there.
+/// `middle` is a place of the area on the sample.
+fn of_grid(seen: &impl Seen, area: &Area, middle: [f64; 2], image: Option<[f64; 2]>) -> Vec<Strip> {
+    let [least, largest] = area.bounds();
     let node = |index: usize| {
         let steps = [index % (GRID + 1), index / (GRID + 1)];
         let at = [0, 1].map(|axis| {
@@ -224,7 +247,7 @@ fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
             let outward = OUTWARD * (2.0 * share - 1.0);
             least[axis] + (largest[axis] - least[axis]) * (share + outward)
         });
-        let at = seen_toward(seen, middle, at);
+        let at = seen_toward(seen, [middle, at], LIMB_STEPS);
         (at, seen.slope(at))
     };
     let nodes: Vec<_> = (0..(GRID + 1) * (GRID + 1)).map(node).collect();
@@ -235,15 +258,26 @@ fn of_grid(seen: &impl Seen, area: &Area) -> Vec<Strip> {
         let sides = (0..4).map(|side| [corners[side], corners[(side + 1) % 4]]);
         let crossings = sides.filter_map(|side| crossing(seen, side.map(|index| nodes[index])));
         let crossings: Vec<[f64; 2]> = crossings.collect();
+        let [least, largest] = [nodes[first].0, nodes[first + GRID + 2].0];
+        let is_inside = |at: &[f64; 2]| (0..2).all(|i| (least[i]..=largest[i]).contains(&at[i]));
+        if let Some(image) = image.filter(is_inside) {
+            let from_image = |to: [f64; 2]| Strip::between(seen, [image, to]);
+            strips.extend(crossings.into_iter().filter_map(from_image));
+            continue;
+        }
         let ends = crossings.chunks_exact(2);
         strips.extend(ends.filter_map(|ends| Strip::between(seen, [ends[0], ends[1]])));
     }
     strips
 }
 
-/// The parts of `area` that the streak crosses, and how bright they are, in units of white.
-fn of(seen: &impl Seen, area: &Area) -> Vec<(Area, f64)> {
-    let mut strips = of_grid(seen, area);
+/// The parts of `area` that the streak crosses, and how bright they are, in units of white. A bulb's image may be so
+/// small that none but strips from the middle of its `image` show it.
+fn of(seen: &impl Seen, area: &Area, image: Option<[f64; 2]>) -> Vec<(Area, f64)> {
+    let Some(middle) = middle_of(seen, area, image) else {
+        return Vec::new();
+    };
+    let mut strips = of_grid(seen, area, middle, image);
     let mut whole = Vec::new();
     for _ in 0..CUTS_MAX {
         let all = || strips.iter().chain(&whole);
@@ -265,7 +299,9 @@ fn of(seen: &impl Seen, area: &Area) -> Vec<(Area, f64)> {
         .iter()
         .chain(&whole)
         .filter(|strip| strip.most() > 0.0);
-    lit.filter_map(|strip| strip.area(area.bounds())).collect()
+    let mut parts: Vec<_> = lit.filter_map(|strip| strip.area(area.bounds())).collect();
+    parts.extend(flank::of(seen, area, middle));
+    parts
 }
 
 impl Seen for Tracer<'_> {
@@ -308,12 +344,8 @@ impl Tracer<'_> {
 
     /// The streak in the part of a pixel that sees a curved sample; `None` where the lobe makes none, none crosses it
     /// or it is no small share of it.
-    pub(super) fn streak_in(&self, area: &Area) -> Option<Highlight> {
-        let lobe = &self.reflectance.lobe;
-        if lobe.n_u < STREAK * STREAK * lobe.n_v {
-            return None;
-        }
-        let strips = of(self, area);
+    pub(super) fn streak_in(&self, area: &Area, image: Option<[f64; 2]>) -> Option<Highlight> {
+        let strips = of(self, area, image);
         let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
         let is_small = size < SHARE_MAX * area.size();
         is_small.then(|| Highlight::new(strips))?
@@ -388,7 +420,7 @@ mod tests {
                 half_width: libm::exp10(-2.0 - 4.0 * draws()),
                 limb: (draw % 2 == 0).then(|| 1.5 + 0.5 * draws()),
             };
-            let strips = of(&arc, &area);
+            let strips = of(&arc, &area, None);
             let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
             let (mut inside, steps) = (0, 4000);
             for step in 0..steps {

@@ -7,16 +7,20 @@ use crate::hybrid::PreparedView;
 use crate::numerics::instructions::Instructions;
 use crate::reflectance::Reflectance;
 use crate::scene::Scene;
-use dataset::specification::{Shape, Tint};
+use dataset::specification::{Shape, Tint, View};
 use dataset::{Material, Specification};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::f64::consts::PI;
 
-/// Scenes of each class.
-const DRAWS: u32 = 60;
+/// Scenes of each class. Were 95 of 100 stated errors kept in each, 7.5 of 100 would be broken once in 30 seeds.
+const DRAWS: u32 = 240;
 
 /// The camera sees a highlight if some pixel is so bright.
 const LIT: f64 = 1e-3;
+
+/// Stated errors hold in 95 of 100 pixels, so many times as much in all but 1 in 5,000.
+const SLACK: f64 = 3.0;
 
 /// Numbers drawn at random.
 struct Random(ChaCha8Rng);
@@ -141,7 +145,7 @@ fn traced(drawn: fn(&mut Random) -> (Specification, Material)) -> Found {
 fn a_highlight_without_outline_is_met() {
     let found = traced(near_the_horizon);
     assert!(found.pixels > DRAWS, "{found:?}");
-    assert!(found.beyond * 20 <= found.pixels, "{found:?}");
+    assert!(found.beyond * 40 <= 3 * found.pixels, "{found:?}");
     assert!(found.far * 20 <= found.pixels, "{found:?}");
 }
 
@@ -149,37 +153,84 @@ fn a_highlight_without_outline_is_met() {
 #[test]
 fn a_highlight_on_the_edge_of_the_sample_is_met() {
     let found = traced(on_the_edge);
-    assert!(found.beyond * 20 <= found.pixels, "{found:?}");
+    assert!(found.beyond * 40 <= 3 * found.pixels, "{found:?}");
     assert!(found.far * 20 <= found.pixels, "{found:?}");
 }
 
-/// A mirror ball shows a small bulb in a hundred thousandth of the one pixel of a film. It sends a quarter of the light
-/// that would fall on its cross-section, times what the mirror reflects, in all directions: a tenth of white here.
+/// How bright a smooth mirror's image of a small bulb is, in units of white times pixels: the solid angle that it fills
+/// for the camera, times the bulb's radiance and what the mirror reflects. A bundle of rays from the camera widens on its
+/// way to the bulb (Coddington's equations). White tints, no bulb but in the plane x = 0.
+fn image_of_bulb(scene: &Scene, ior: f64) -> f64 {
+    let (eye, bulb) = (scene.camera.position, &scene.bulb);
+    let mirror = scene.sample.mirror_point(eye, bulb.centre).expect("smooth");
+    let [near, far] = [eye, bulb.centre].map(|at| (at - mirror.position).length());
+    let cos = mirror.frame.z.dot(eye - mirror.position) / near;
+    let [across, along] = mirror.curvature;
+    let wide = near + far * (1.0 + 2.0 * near * across * cos);
+    let high = near + far * (1.0 + 2.0 * near * along / cos);
+    let solid_angle = PI * bulb.radius * bulb.radius / (wide * high);
+    let [column, row] = scene.camera.project(mirror.position).expect("in front");
+    let direction = |x: f64, y: f64| scene.camera.ray(column + x, row + y).direction;
+    let step = 1e-4;
+    let by_column = (direction(step, 0.0) - direction(-step, 0.0)) * (0.5 / step);
+    let by_row = (direction(0.0, step) - direction(0.0, -step)) * (0.5 / step);
+    let of_pixel = by_column.cross(by_row).length();
+    let upright = ((ior - 1.0) / (ior + 1.0)) * ((ior - 1.0) / (ior + 1.0));
+    let reflected = upright + (1.0 - upright) * libm::pow(1.0 - cos, 5.0);
+    bulb.radiance * reflected * solid_angle / of_pixel
+}
+
+/// A curved mirror shows a small bulb in a hundred thousandth of a pixel or less, on a film with a side of even length
+/// on the border of two. No path finds it by chance. The image's light is known in closed form.
 #[test]
-fn a_mirror_ball_shows_the_bulb() {
-    let mut specification = Specification::preset();
-    (specification.image.width, specification.image.height) = (1, 1);
-    specification.integrator.samples_per_pixel = 64;
-    specification.sample.shape = Shape::Sphere;
-    specification.light.radius_m = 1e-4;
-    specification.views.truncate(1);
-    specification.views[0].checker = false;
-    let material = Material {
-        roughness: 0.0,
-        anisotropy: 0.0,
-        angle_deg: 0.0,
-        ior: 10.0,
-        rgb0: [1.0; 3],
-        rgb90: [1.0; 3],
-    };
-    let scene = Scene::new(&specification, 0, BackendChoice::Native);
-    let scene = scene.expect("such a view").expect("a scene");
-    let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
-    let of_path = render(&scene, &reflectance, &specification, 7);
-    let (key, widest) = (7, Instructions::widest());
-    let to_accuracy = render_to_accuracy(&scene, &reflectance, &specification, key, widest);
-    for traced in [of_path, to_accuracy] {
-        let FilmPixel { value, error } = traced.film.pixels[0];
-        assert!(value[0] > 0.05 && error < value[0], "{value:?}, {error}");
+fn a_curved_mirror_shows_all_of_the_bulb() {
+    let (mut looked_at, mut beyond) = (0, 0);
+    for (shape, side) in [Shape::Sphere, Shape::Cylinder]
+        .into_iter()
+        .flat_map(|shape| [1, 2, 3, 12].map(|side| (shape, side)))
+    {
+        for (view, radius_m) in [(0, 1e-4), (3, 1e-3), (5, 1e-4), (9, 1e-3), (12, 1e-4)] {
+            let mut specification = Specification::preset();
+            (specification.image.width, specification.image.height) = (side, side);
+            specification.integrator.samples_per_pixel = 256;
+            specification.sample.shape = shape;
+            specification.light.radius_m = radius_m;
+            specification.views = vec![View {
+                checker: false,
+                ..specification.views[view].clone()
+            }];
+            let material = Material {
+                roughness: 0.0,
+                anisotropy: 0.0,
+                angle_deg: 0.0,
+                ior: 10.0,
+                rgb0: [1.0; 3],
+                rgb90: [1.0; 3],
+            };
+            let scene = Scene::new(&specification, 0, BackendChoice::Native);
+            let scene = scene.expect("such a view").expect("a scene");
+            let expected = image_of_bulb(&scene, material.ior);
+            let reflectance = Reflectance::new(&material, 0.0, Tint::Hue);
+            let of_path = render(&scene, &reflectance, &specification, 7);
+            let (key, widest) = (7, Instructions::widest());
+            let to_accuracy = render_to_accuracy(&scene, &reflectance, &specification, key, widest);
+            for traced in [of_path, to_accuracy] {
+                let pixels = &traced.film.pixels;
+                let found: f64 = pixels.iter().map(|pixel| pixel.value[0]).sum();
+                let stated: f64 = pixels.iter().map(|pixel| pixel.error).sum();
+                // The bulb is no point.
+                let off = (found - expected).abs() - 2e-3 * expected;
+                assert!(
+                    off <= SLACK * stated && stated < 0.5 * expected,
+                    "{shape:?}, {side} pixels a side, view {view}: {found} +- {stated}, not {expected}"
+                );
+                beyond += usize::from(off > stated);
+                looked_at += 1;
+            }
+        }
     }
+    assert!(
+        looked_at == 2 * 4 * 5 * 2 && beyond * 10 <= looked_at,
+        "{beyond} of {looked_at}"
+    );
 }

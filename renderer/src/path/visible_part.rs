@@ -4,7 +4,7 @@ use crate::vector::Vec3;
 use std::f64::consts::PI;
 
 /// The most corners of a rectangle that a line has cut.
-const CORNERS_MAX: usize = 5;
+pub const CORNERS_MAX: usize = 5;
 
 /// The corners of the unit square.
 pub const SQUARE: [[f64; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];

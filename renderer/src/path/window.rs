@@ -2,20 +2,9 @@
 
 use super::glint::{GlintSample, per_steradian, reflected};
 use super::slice::Slice;
+use super::visible_part::CORNERS_MAX;
 use crate::reflectance::lobe::Lobe;
 use crate::vector::Vec3;
-
-/// Positions (u, v) around a rectangle.
-const OUTLINE: [[f64; 2]; 8] = [
-    [0.0, 0.0],
-    [0.5, 0.0],
-    [1.0, 0.0],
-    [1.0, 0.5],
-    [1.0, 1.0],
-    [0.5, 1.0],
-    [0.0, 1.0],
-    [0.0, 0.5],
-];
 
 /// Half vectors about those that see a flat surface: a rectangle of slopes, sampled by the lobe.
 ///
@@ -38,10 +27,16 @@ pub struct Window<'a> {
 }
 
 impl<'a> Window<'a> {
-    /// From the viewer and the rectangle corner + u sides[0] + v sides[1], u and v in 0 to 1, as
-    /// seen from the point of the surface and in its frame. The rectangle is not below the surface.
+    /// From the viewer and the part of a rectangle, corner + u sides[0] + v sides[1], that a convex polygon of (u, v)
+    /// holds, as seen from the point of the surface and in its frame. That part is not below the surface.
     /// `None` where there is no such window.
-    pub fn new(lobe: &'a Lobe, wo: Vec3, corner: Vec3, sides: [Vec3; 2]) -> Option<Self> {
+    pub fn new(
+        lobe: &'a Lobe,
+        wo: Vec3,
+        corner: Vec3,
+        sides: [Vec3; 2],
+        polygon: &[[f64; 2]],
+    ) -> Option<Self> {
         let wo = lobe.to_lobe(wo);
         let corner = lobe.to_lobe(corner);
         let [along_u, along_v] = sides.map(|side| lobe.to_lobe(side));
@@ -55,8 +50,8 @@ impl<'a> Window<'a> {
                 half.y * inverse * inverse_widths[1],
             ]
         };
-        let points = OUTLINE.map(point);
-        let nearest = nearest_point(&points, point);
+        let outline = Outline::new(polygon, point);
+        let nearest = outline.nearest(point);
         let length = libm::hypot(nearest[0], nearest[1]);
         let axis = if length > 0.0 {
             nearest.map(|x| x / length)
@@ -64,13 +59,19 @@ impl<'a> Window<'a> {
             [1.0, 0.0]
         };
         let mut extents = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for point in points {
-            for (extent, x) in extents.iter_mut().zip(rotated(point, axis)) {
+        for (_, point) in outline.known() {
+            for (extent, x) in extents.iter_mut().zip(rotated(*point, axis)) {
                 *extent = [extent[0].min(x), extent[1].max(x)];
             }
         }
+        // An outline that bends far may lie on the near side of its nearest point, and far across: all of that counts.
         if length > 0.0 {
-            extents[0][0] = length;
+            let [least, most] = extents[0];
+            extents[0] = if most > length {
+                [length, most]
+            } else {
+                [least, length]
+            };
         }
         let usable = |[low, high]: [f64; 2]| low < high && high - low < f64::INFINITY;
         if !extents.into_iter().all(usable) {
@@ -139,41 +140,69 @@ fn rotated([x, y]: [f64; 2], axis: [f64; 2]) -> [f64; 2] {
 /// times finds where even a highly anisotropic lobe crosses it.
 const CORRECTIONS: usize = 3;
 
-/// The point of a surface that is nearest to the origin, from the `points` of its outline and a
-/// function that gives more.
-fn nearest_point(
-    points: &[[f64; 2]; OUTLINE.len()],
-    point: impl Fn([f64; 2]) -> [f64; 2],
-) -> [f64; 2] {
-    let edge = |from: usize| {
-        let to = (from + 1) % OUTLINE.len();
-        [(OUTLINE[from], points[from]), (OUTLINE[to], points[to])]
-    };
-    let mut line = edge(0);
-    let mut found = nearest_of_line(&line);
-    let (mut left, mut right) = (false, false);
-    for from in 0..OUTLINE.len() {
-        let edge = edge(from);
-        let [(_, a), (_, b)] = edge;
-        let cross = a[0] * b[1] - a[1] * b[0];
-        left |= cross > 0.0;
-        right |= cross < 0.0;
-        let of_edge = nearest_of_line(&edge);
-        if of_edge.distance2 < found.distance2 {
-            (line, found) = (edge, of_edge);
+/// The corners of a polygon and the middles of its sides, and their points.
+struct Outline {
+    known: [Known; 2 * CORNERS_MAX],
+    count: usize,
+}
+
+impl Outline {
+    /// Of a polygon of at most [`CORNERS_MAX`] corners.
+    fn new(polygon: &[[f64; 2]], point: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
+        let mut known = [([0.0; 2], [0.0; 2]); 2 * CORNERS_MAX];
+        for (index, from) in polygon.iter().enumerate() {
+            let to = polygon[(index + 1) % polygon.len()];
+            let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
+            known[2 * index] = (*from, point(*from));
+            known[2 * index + 1] = (middle, point(middle));
         }
+        let count = 2 * polygon.len();
+        Self { known, count }
     }
-    if !(left && right) {
-        return [0.0; 2];
+
+    fn known(&self) -> &[Known] {
+        &self.known[..self.count]
     }
-    for _ in 0..CORRECTIONS {
-        let between = (found.position, point(found.position));
-        let halves = [[line[0], between], [between, line[1]]];
-        let of_halves = halves.each_ref().map(nearest_of_line);
-        let closer = usize::from(of_halves[1].distance2 < of_halves[0].distance2);
-        (line, found) = (halves[closer], of_halves[closer]);
+
+    /// The point of all within that is nearest to the origin, by a function that gives more points.
+    fn nearest(&self, point: impl Fn([f64; 2]) -> [f64; 2]) -> [f64; 2] {
+        let known = self.known();
+        let edge = |from: usize| [known[from], known[(from + 1) % known.len()]];
+        let mut line = edge(0);
+        let mut found = nearest_of_line(&line);
+        let (mut left, mut right) = (false, false);
+        for from in 0..known.len() {
+            let edge = edge(from);
+            let [(_, a), (_, b)] = edge;
+            let cross = a[0] * b[1] - a[1] * b[0];
+            left |= cross > 0.0;
+            right |= cross < 0.0;
+            let of_edge = nearest_of_line(&edge);
+            if of_edge.distance2 < found.distance2 {
+                (line, found) = (edge, of_edge);
+            }
+        }
+        if !(left && right) {
+            return [0.0; 2];
+        }
+        for _ in 0..CORRECTIONS {
+            let between = (found.position, point(found.position));
+            let halves = [[line[0], between], [between, line[1]]];
+            let of_halves = halves.each_ref().map(nearest_of_line);
+            let closer = usize::from(of_halves[1].distance2 < of_halves[0].distance2);
+            (line, found) = (halves[closer], of_halves[closer]);
+        }
+        // Where a side bends far, it comes nowhere near the chord that seemed nearest.
+        let length2 = |[x, y]: [f64; 2]| x * x + y * y;
+        let points = known.iter().map(|(_, point)| *point);
+        points.fold(found.point, |nearest, point| {
+            if length2(point) < length2(nearest) {
+                point
+            } else {
+                nearest
+            }
+        })
     }
-    found.point
 }
 
 /// The point of a line that is nearest to the origin.
@@ -206,8 +235,10 @@ fn nearest_of_line([(position, from), (position_to, to)]: &[Known; 2]) -> Neares
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::path::visible_part::SQUARE;
 
     const WO: Vec3 = Vec3::new(0.28, -0.6, 0.75);
+    const TRIANGLE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
     const LOBES: [(f64, f64); 4] = [(60.0, 0.0), (30.0, 0.6), (20.0, 0.9), (95.0, 0.3)];
 
     fn grid(side: u32) -> impl Iterator<Item = [f64; 2]> {
@@ -223,12 +254,35 @@ mod tests {
             let lobe = Lobe::new(roughness, anisotropy, 35.0);
             let sides = [Vec3::new(0.16, 0.0, 0.0), Vec3::new(0.0, 0.19, 0.15)];
             let corner = Vec3::new(-0.05, 0.06, 0.0);
-            let window = Window::new(&lobe, wo, corner, sides).expect("a window");
-            for point in grid(20) {
-                let sample = window.sample(point);
-                let ratio = window.density(sample.wi) / sample.density;
-                assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+            for polygon in [&SQUARE[..], &TRIANGLE] {
+                let window = Window::new(&lobe, wo, corner, sides, polygon).expect("a window");
+                for point in grid(20) {
+                    let sample = window.sample(point);
+                    let ratio = window.density(sample.wi) / sample.density;
+                    assert!((ratio - 1.0).abs() < 1e-6, "{ratio}");
+                }
             }
+        }
+    }
+
+    /// Three of four directions to a part of a surface are in its window, whose sides are straight, and more where most
+    /// light is.
+    #[test]
+    fn a_window_holds_the_part_of_a_surface() {
+        let wo = WO.normalized();
+        let sides = [Vec3::new(0.16, 0.0, 0.1), Vec3::new(0.0, 0.19, 0.15)];
+        let corner = Vec3::new(-0.05, 0.06, 0.0);
+        for (roughness, anisotropy) in LOBES {
+            let lobe = Lobe::new(roughness, anisotropy, 35.0);
+            let window = Window::new(&lobe, wo, corner, sides, &TRIANGLE).expect("a window");
+            let places = grid(40).filter(|[u, v]| u + v < 1.0);
+            let directions = places.map(|[u, v]| corner + sides[0] * u + sides[1] * v);
+            let (mut all, mut held) = (0, 0);
+            for wi in directions.map(Vec3::normalized) {
+                all += 1;
+                held += usize::from(window.density(wi) > 0.0);
+            }
+            assert!(4 * held >= 3 * all, "{held} of {all}");
         }
     }
 
@@ -239,7 +293,7 @@ mod tests {
         let wo = Vec3::new(0.05, 0.0, 1.0).normalized();
         let sides = [Vec3::new(0.16, 0.0, 0.0), Vec3::new(0.0, 0.19, 0.15)];
         let corner = Vec3::new(-0.08, 0.06, 0.0);
-        let window = Window::new(&lobe, wo, corner, sides).expect("a window");
+        let window = Window::new(&lobe, wo, corner, sides, &SQUARE).expect("a window");
         let bright = grid(32).filter(|&point| lobe.power(window.sample(point).wi + wo) > 1e-2);
         assert!(bright.count() > 256);
     }

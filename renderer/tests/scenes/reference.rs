@@ -11,8 +11,10 @@
 //! 3. a point of the bulb and a half vector of the lobe, then the film point that sees that bulb
 //!    point by that half vector, found by Newton's method. It finds the bulb's image however small.
 //!
-//! On a sphere or a cylinder plain paths are the whole estimate: it says little of narrow lobes.
+//! On a sphere or a cylinder plain paths are the whole estimate. Half of them start where a [`Guide`] finds the bulb's
+//! light in the pixel.
 
+use crate::guide::Guide;
 use crate::plain_path;
 use dataset::{Specification, specification::Shape};
 use renderer::{
@@ -87,13 +89,14 @@ impl Reference {
     /// Pixel (column, row) with this many samples in each replicate; `key` names the scrambles.
     pub fn pixel(&self, [column, row]: [u32; 2], samples: u32, key: u64) -> Estimate {
         let pixel = [column, row].map(f64::from);
+        let guide = (!self.is_flat).then(|| Guide::new(&self.scene, &self.reflectance, pixel));
         let mut means = [[0.0; 3]; REPLICATES as usize];
         for (replicate, mean) in (0..).zip(&mut means) {
             // The film is at most 512 pixels wide.
             let scramble = Scramble::new(Sampler::new(key, row << 12 | column, replicate));
             for index in 0..samples {
                 let parts = [
-                    self.scattered(pixel, &scramble, index),
+                    self.scattered(pixel, guide.as_ref(), &scramble, index),
                     self.bulb_off_sample(pixel, &scramble, index),
                 ];
                 for part in parts {
@@ -116,16 +119,24 @@ impl Reference {
 
     /// What that many samples of a pixel in each replicate may all have missed, at one chance in a
     /// million. Each way of sampling is weighed against the others, so no path carries more than the
-    /// bulb's radiance: light m a pixel is found by at least a share m / radiance of all samples, and
+    /// bulb's radiance, or twice that with a guide: light m a pixel is found by at least a share m / radiance of all samples, and
     /// all of them miss it with probability exp(-samples m / radiance).
     pub fn unseen(&self, samples: u32) -> f64 {
         const LOG_MILLION: f64 = 13.8;
-        LOG_MILLION * self.scene.bulb.radiance / (f64::from(samples) * f64::from(REPLICATES))
+        let carried = if self.is_flat { 1.0 } else { 2.0 } * self.scene.bulb.radiance;
+        LOG_MILLION * carried / (f64::from(samples) * f64::from(REPLICATES))
     }
 
     /// Everything but the bulb's light that touches a flat sample alone, along one path.
-    fn scattered(&self, [column, row]: [f64; 2], scramble: &Scramble, index: u32) -> [f64; 3] {
-        let [x, y] = scramble.film(index);
+    fn scattered(
+        &self,
+        [column, row]: [f64; 2],
+        guide: Option<&Guide>,
+        scramble: &Scramble,
+        index: u32,
+    ) -> [f64; 3] {
+        let film = scramble.film(index);
+        let ([x, y], counts) = guide.map_or((film, 1.0), |guide| guide.point(film));
         let ray = self.scene.camera.ray(column + x, row + y);
         let on_flat_sample = self.is_flat
             && matches!(
@@ -143,7 +154,7 @@ impl Reference {
             )
         };
         if !on_flat_sample {
-            return trace(self.bounces_max);
+            return trace(self.bounces_max).map(|channel| channel * counts);
         }
         if self.bounces_max == 1 {
             return [0.0; 3];
