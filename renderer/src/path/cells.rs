@@ -15,8 +15,8 @@ use std::f64::consts::PI;
 /// How many times as bright as a pixel is on average some place has to be for the pixel to be cut. Chosen.
 const UNEVEN: f64 = 4.0;
 
-/// Where a pixel is no brighter than this, in units of white, where it should be brightest, it is not cut. A hundredth of
-/// the smallest tolerance.
+/// Where a pixel is no brighter than this, in units of white, where it should be brightest, it is not cut. A hundredth
+/// of the smallest tolerance.
 const DARK: f64 = 1e-9;
 
 /// The most that cells are cut, each into four. Chosen.

@@ -247,7 +247,7 @@ impl<'a> Continuation<'a> {
     }
 }
 
-/// Aimed at a rectangle, or at the part of it above the horizon of a surface that `may_fold` and hide some of that, too.
+/// Aimed at a rectangle, or at the part of it above the horizon of a surface; it `may_fold` and hide some of that, too.
 fn at_rectangle<'a>(
     surface: &Surface,
     bsdf: &Bsdf<'a>,

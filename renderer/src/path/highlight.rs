@@ -34,8 +34,8 @@ const LOBE_STEP: usize = 8;
 #[derive(Debug)]
 pub struct BulbShows {
     /// Film outlines, each with how bright it is, but for a factor. None for a mesh, on which the bulb may show in many
-    /// places. `None` where it shows in a shape that no outline here has, or on no more than the sample's edge: most of an
-    /// outline would lie beyond.
+    /// places. `None` where it shows in a shape that no outline here has, or on no more than the sample's edge: most of
+    /// an outline would lie beyond.
     pub within: Option<Vec<(Outline, f64)>>,
     /// Where on the film the bulb's centre would show in a mirror, if the camera sees that.
     pub mirror_image: Option<[f64; 2]>,

@@ -158,8 +158,8 @@ fn a_highlight_on_the_edge_of_the_sample_is_met() {
 }
 
 /// How bright a smooth mirror's image of a small bulb is, in units of white times pixels: the solid angle that it fills
-/// for the camera, times the bulb's radiance and what the mirror reflects. A bundle of rays from the camera widens on its
-/// way to the bulb (Coddington's equations). White tints, no bulb but in the plane x = 0.
+/// for the camera, times the bulb's radiance and what the mirror reflects. A bundle of rays from the camera widens on
+/// its way to the bulb (Coddington's equations). The tints are white.
 fn image_of_bulb(scene: &Scene, ior: f64) -> f64 {
     let (eye, bulb) = (scene.camera.position, &scene.bulb);
     let mirror = scene.sample.mirror_point(eye, bulb.centre).expect("smooth");
