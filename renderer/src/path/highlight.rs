@@ -53,11 +53,13 @@ pub struct Highlight {
 }
 
 impl Highlight {
-    /// What a pixel has of these outlines; `None` where that is nothing, or as large as `size`.
-    pub fn within(outlines: &[(Outline, f64)], [column, row]: [u32; 2], size: f64) -> Option<Self> {
-        let parts = outlines.iter().filter_map(|(outline, brightness)| {
-            Some((outline.within_pixel(column, row)?, *brightness))
-        });
+    /// What these outlines have in the bounds of `area`, the part of a pixel that sees the sample; `None` where that is
+    /// nothing, or as large as `size`.
+    pub fn within(outlines: &[(Outline, f64)], area: &Area, size: f64) -> Option<Self> {
+        let bounds = area.bounds();
+        let parts = outlines
+            .iter()
+            .filter_map(|(outline, brightness)| Some((outline.within(bounds)?, *brightness)));
         let parts: Vec<(Area, f64)> = parts.collect();
         let total: f64 = parts.iter().map(|(part, _)| part.size()).sum();
         if total < size { Self::new(parts) } else { None }

@@ -257,7 +257,7 @@ impl<'a> Tracer<'a> {
             }
             let area = outline.within_pixel(column, row)?;
             let highlight = match *target {
-                Target::Surface(Thing::Sample) => self.highlight_in([column, row], outline, &area),
+                Target::Surface(Thing::Sample) => self.highlight_in(outline, &area),
                 _ => None,
             };
             let gap = match *target {
@@ -280,7 +280,7 @@ impl<'a> Tracer<'a> {
     }
 
     /// The bulb's highlight in the part of a pixel that sees the sample.
-    fn highlight_in(&self, pixel: [u32; 2], sample: &Outline, area: &Area) -> Option<Highlight> {
+    fn highlight_in(&self, sample: &Outline, area: &Area) -> Option<Highlight> {
         let BulbShows {
             within,
             mirror_image,
@@ -296,7 +296,7 @@ impl<'a> Tracer<'a> {
         }
         match within {
             Some(outlines) if !self.curved_in.is_some_and(may_be_sliver) => {
-                Highlight::within(outlines, pixel, HIGHLIGHT_SHARE_MAX * area.size())
+                Highlight::within(outlines, area, HIGHLIGHT_SHARE_MAX * area.size())
             }
             _ => {
                 let brightness = |at| self.brightness(at);

@@ -106,11 +106,24 @@ impl Strip {
         None
     }
 
-    /// The two strips that its middle parts it into, if the streak can be followed there.
-    fn halves(&self, seen: &impl Seen) -> Option<[Self; 2]> {
+    /// The two strips that its middle parts it into; as an error, a straight one where the streak cannot be followed.
+    fn halves(&self, seen: &impl Seen) -> [Result<Self, Self>; 2] {
         let [from, to] = self.ends;
-        let first = Self::between(seen, [from, self.middle])?;
-        Some([first, Self::between(seen, [self.middle, to])?])
+        [[from, self.middle], [self.middle, to]]
+            .map(|ends| Self::between(seen, ends).ok_or_else(|| self.straight(seen, ends)))
+    }
+
+    /// A strip along a chord, as wide as this one.
+    fn straight(&self, seen: &impl Seen, ends: [[f64; 2]; 2]) -> Self {
+        let [from, to] = ends;
+        let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
+        Self {
+            ends,
+            middle,
+            sag: 0.0,
+            half_width: self.half_width,
+            values: [from, middle, to].map(|at| seen.brightness(at)),
+        }
     }
 
     fn most(&self) -> f64 {
@@ -291,8 +304,15 @@ fn of(seen: &impl Seen, area: &Area, image: Option<[f64; 2]>) -> Vec<(Area, f64)
         };
         let strip = strips.swap_remove(index);
         match strip.halves(seen) {
-            Some(halves) => strips.extend(halves),
-            None => whole.push(strip),
+            [Err(_), Err(_)] => whole.push(strip),
+            halves => {
+                for half in halves {
+                    match half {
+                        Ok(half) => strips.push(half),
+                        Err(straight) => whole.push(straight),
+                    }
+                }
+            }
         }
     }
     let lit = strips

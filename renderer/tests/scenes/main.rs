@@ -271,11 +271,15 @@ const STREAKS_ONCE_FAILED: [(u64, u64); 3] = [
 ];
 
 /// And of glints.
-const GLINTS_ONCE_FAILED: [(u64, u64); 2] = [
+const GLINTS_ONCE_FAILED: [(u64, u64); 4] = [
     // The bulb drawn out by grazing light across the axes of a near mirror, on a cylinder.
     (20_261_178, 71),
     // The image of a small bulb on the border of two pixels.
     (20_261_190, 96),
+    // A streak across a flat sample in a thousandth of the pixel, and far beyond it.
+    (20_261_193, 191),
+    // A streak of which one half cannot be followed.
+    (20_261_193, 322),
 ];
 
 #[test]
