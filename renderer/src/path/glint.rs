@@ -226,14 +226,15 @@ pub fn per_steradian(half: Vec3, wo: Vec3) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::warp::Cone;
 
-    const WO: Vec3 = Vec3::new(0.28, -0.6, 0.75);
-    const LOBES: [(f64, f64); 4] = [(60.0, 0.0), (30.0, 0.6), (20.0, 0.9), (95.0, 0.3)];
+    pub const WO: Vec3 = Vec3::new(0.28, -0.6, 0.75);
+    pub const LOBES: [(f64, f64); 4] = [(60.0, 0.0), (30.0, 0.6), (20.0, 0.9), (95.0, 0.3)];
 
-    fn grid(side: u32) -> impl Iterator<Item = [f64; 2]> {
+    /// The middles of the cells of the unit square.
+    pub fn grid(side: u32) -> impl Iterator<Item = [f64; 2]> {
         (0..side * side).map(move |index| {
             [index % side, index / side].map(|k| (f64::from(k) + 0.5) / f64::from(side))
         })

@@ -235,17 +235,10 @@ fn nearest_of_line([(position, from), (position_to, to)]: &[Known; 2]) -> Neares
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::path::glint::tests::{LOBES, WO, grid};
     use crate::path::visible_part::SQUARE;
 
-    const WO: Vec3 = Vec3::new(0.28, -0.6, 0.75);
     const TRIANGLE: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
-    const LOBES: [(f64, f64); 4] = [(60.0, 0.0), (30.0, 0.6), (20.0, 0.9), (95.0, 0.3)];
-
-    fn grid(side: u32) -> impl Iterator<Item = [f64; 2]> {
-        (0..side * side).map(move |index| {
-            [index % side, index / side].map(|k| (f64::from(k) + 0.5) / f64::from(side))
-        })
-    }
 
     #[test]
     fn a_window_knows_the_density_of_its_samples() {

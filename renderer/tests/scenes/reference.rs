@@ -119,8 +119,8 @@ impl Reference {
 
     /// What that many samples of a pixel in each replicate may all have missed, at one chance in a
     /// million. Each way of sampling is weighed against the others, so no path carries more than the
-    /// bulb's radiance, or twice that with a guide: light m a pixel is found by at least a share m / radiance of all samples, and
-    /// all of them miss it with probability exp(-samples m / radiance).
+    /// bulb's radiance, or twice that with a guide. Light m a pixel is found by at least a share
+    /// m / carried of all samples, and all of them miss it with probability exp(-samples m / carried).
     pub fn unseen(&self, samples: u32) -> f64 {
         const LOG_MILLION: f64 = 13.8;
         let carried = if self.is_flat { 1.0 } else { 2.0 } * self.scene.bulb.radiance;
