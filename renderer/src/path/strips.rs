@@ -24,6 +24,9 @@ const MIDDLE: f64 = 0.05;
 /// Places along a side of an area whose middle is beside the sample, among which one on it is looked for. Chosen.
 const PLACES: usize = 8;
 
+/// Places of the limb in a cell, less one, between which it is taken to be straight. Chosen.
+const LIMB_PARTS: usize = 4;
+
 /// Halvings by which the sample's limb is found.
 const LIMB_STEPS: usize = 12;
 
@@ -85,12 +88,7 @@ impl Strip {
             }
             let middle = beside(chord_middle, sag);
             let slope = seen.slope(middle)?;
-            let derivative = match [-step, step].map(|off| seen.slope(beside(middle, off))) {
-                [Some(before), Some(after)] => (after - before) / (2.0 * step),
-                [Some(before), None] => (slope - before) / step,
-                [None, Some(after)] => (after - slope) / step,
-                [None, None] => return None,
-            };
+            let derivative = change(seen, middle, across.map(|across| step * across))? / step;
             let reach = seen.reach(middle)?;
             if slope.abs() <= MIDDLE * reach {
                 return Some(Self {
@@ -115,13 +113,17 @@ impl Strip {
 
     /// A strip along a chord, as wide as this one.
     fn straight(&self, seen: &impl Seen, ends: [[f64; 2]; 2]) -> Self {
+        Self::along_chord(seen, ends, self.half_width)
+    }
+
+    fn along_chord(seen: &impl Seen, ends: [[f64; 2]; 2], half_width: f64) -> Self {
         let [from, to] = ends;
         let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
         Self {
             ends,
             middle,
             sag: 0.0,
-            half_width: self.half_width,
+            half_width,
             values: [from, middle, to].map(|at| seen.brightness(at)),
         }
     }
@@ -184,6 +186,17 @@ fn direction([from, to]: [[f64; 2]; 2]) -> ([f64; 2], f64) {
     let offset = [0, 1].map(|axis| to[axis] - from[axis]);
     let length = libm::hypot(offset[0], offset[1]);
     (offset.map(|offset| offset / length), length)
+}
+
+/// By how much the slope changes over an offset from a place; `None` where only the place is on the sample.
+fn change(seen: &impl Seen, at: [f64; 2], offset: [f64; 2]) -> Option<f64> {
+    let beside = |times: f64| [0, 1].map(|axis| at[axis] + times * offset[axis]);
+    match [-1.0, 1.0].map(|times| seen.slope(beside(times))) {
+        [Some(before), Some(after)] => Some(0.5 * (after - before)),
+        [Some(before), None] => Some(seen.slope(at)? - before),
+        [None, Some(after)] => Some(after - seen.slope(at)?),
+        [None, None] => None,
+    }
 }
 
 /// Where the streak crosses the line between two places with slopes of different signs, by regula falsi (Illinois).
@@ -249,27 +262,83 @@ fn middle_of(seen: &impl Seen, area: &Area, image: Option<[f64; 2]>) -> Option<[
         .find(is_seen)
 }
 
-/// The strips between the crossings of the sides of each of the grid's cells; in the cell of `image`, those from there.
-/// `middle` is a place of the area on the sample.
-fn of_grid(seen: &impl Seen, area: &Area, middle: [f64; 2], image: Option<[f64; 2]>) -> Vec<Strip> {
+/// A place, and the slope there if it is on the sample.
+type Node = ([f64; 2], Option<f64>);
+
+/// The nodes of the grid over an area, row by row, a little outside of it. If none is on the sample, they are those
+/// nearest to it that are, as seen from `middle`, which is.
+fn nodes_of_grid(seen: &impl Seen, area: &Area, middle: [f64; 2]) -> Vec<Node> {
     let [least, largest] = area.bounds();
-    let node = |index: usize| {
+    let place = |index: usize| {
         let steps = [index % (GRID + 1), index / (GRID + 1)];
-        let at = [0, 1].map(|axis| {
+        [0, 1].map(|axis| {
             let share = steps[axis] as f64 / GRID as f64;
             let outward = OUTWARD * (2.0 * share - 1.0);
             least[axis] + (largest[axis] - least[axis]) * (share + outward)
-        });
-        let at = seen_toward(seen, [middle, at], LIMB_STEPS);
-        (at, seen.slope(at))
+        })
     };
-    let nodes: Vec<_> = (0..(GRID + 1) * (GRID + 1)).map(node).collect();
+    let node = |at: [f64; 2]| (at, seen.slope(at));
+    let places = || (0..(GRID + 1) * (GRID + 1)).map(place);
+    let nodes: Vec<_> = places().map(node).collect();
+    if nodes.iter().any(|(_, slope)| slope.is_some()) {
+        return nodes;
+    }
+    let pulled = places().map(|at| seen_toward(seen, [middle, at], LIMB_STEPS));
+    pulled.map(node).collect()
+}
+
+/// The outline of what is on the sample of a cell with these corners: these, and the limb between them.
+fn on_sample(seen: &impl Seen, corners: [Node; 4]) -> Vec<Node> {
+    let node = |at: [f64; 2]| (at, seen.slope(at));
+    // Each place, and whether it is one of the limb.
+    let mut outline = Vec::new();
+    for side in 0..4 {
+        let [from, to] = [corners[side], corners[(side + 1) % 4]];
+        if from.1.is_some() {
+            outline.push((from, false));
+        }
+        let limb = match [from.1, to.1] {
+            [Some(_), None] => seen_toward(seen, [from.0, to.0], LIMB_STEPS),
+            [None, Some(_)] => seen_toward(seen, [to.0, from.0], LIMB_STEPS),
+            _ => continue,
+        };
+        outline.push((node(limb), true));
+    }
+    let count = outline.len();
+    let sums = outline.iter().fold([0.0; 2], |sums, ((at, _), _)| {
+        [0, 1].map(|axis| sums[axis] + at[axis])
+    });
+    let middle = sums.map(|sum| sum / count as f64);
+    let with_limb = (0..count).flat_map(|place| {
+        let [(from, leaves), (to, enters)] =
+            [place, (place + 1) % count].map(|place| outline[place]);
+        let parts = if leaves && enters { LIMB_PARTS } else { 1 };
+        // The limb bends outward.
+        let bent = (1..parts).map(move |part| {
+            let share = part as f64 / parts as f64;
+            let to = [0, 1].map(|axis| {
+                let chord = from.0[axis] + (to.0[axis] - from.0[axis]) * share;
+                2.0 * chord - middle[axis]
+            });
+            node(seen_toward(seen, [middle, to], LIMB_STEPS))
+        });
+        std::iter::once(from).chain(bent)
+    });
+    with_limb.collect()
+}
+
+/// The strips between the crossings of the sides of each of the grid's cells; in the cell of `image`, those from there.
+/// `middle` is a place of the area on the sample.
+fn of_grid(seen: &impl Seen, area: &Area, middle: [f64; 2], image: Option<[f64; 2]>) -> Vec<Strip> {
+    let nodes = nodes_of_grid(seen, area, middle);
     let cells = (0..GRID * GRID).map(|cell| cell + cell / GRID);
     let mut strips = Vec::new();
     for first in cells {
         let corners = [first, first + 1, first + GRID + 2, first + GRID + 1];
-        let sides = (0..4).map(|side| [corners[side], corners[(side + 1) % 4]]);
-        let crossings = sides.filter_map(|side| crossing(seen, side.map(|index| nodes[index])));
+        let outline = on_sample(seen, corners.map(|corner| nodes[corner]));
+        let next = outline.iter().cycle().skip(1);
+        let sides = outline.iter().zip(next);
+        let crossings = sides.filter_map(|(from, to)| crossing(seen, [*from, *to]));
         let crossings: Vec<[f64; 2]> = crossings.collect();
         let [least, largest] = [nodes[first].0, nodes[first + GRID + 2].0];
         let is_inside = |at: &[f64; 2]| (0..2).all(|i| (least[i]..=largest[i]).contains(&at[i]));
@@ -412,8 +481,8 @@ mod tests {
         f64::from(random.next_u32()) / f64::from(u32::MAX)
     }
 
-    /// However narrow it is, a streak is found and held up to the limb, by strips that are hardly larger but where it
-    /// is narrower than they can be.
+    /// However narrow it is, a streak is found and held up to the limb, from a bulb's image on it or without one, by
+    /// strips that are hardly larger but where it is narrower than they can be.
     #[test]
     fn the_strips_of_a_streak_hold_it() {
         let pixel = [
@@ -426,7 +495,7 @@ mod tests {
         let area = pixel.within([[0.0; 2], [1.0; 2]]).expect("a pixel");
         let mut random = ChaCha8Rng::seed_from_u64(23);
         let (mut looked_at, mut missed) = (0, 0);
-        for draw in 0..400 {
+        for draw in 0..3000 {
             let mut draws = || uniform(&mut random);
             let radius = 0.5 + 5.0 * draws();
             let turn = std::f64::consts::TAU * draws();
@@ -440,7 +509,13 @@ mod tests {
                 half_width: libm::exp10(-2.0 - 4.0 * draws()),
                 limb: (draw % 2 == 0).then(|| 1.5 + 0.5 * draws()),
             };
-            let strips = of(&arc, &area, None);
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * draws());
+            let image = [arc.centre[0] + radius * cos, arc.centre[1] + radius * sin];
+            let is_seen = |at: &[f64; 2]| {
+                at.iter().all(|at| (0.0..1.0).contains(at)) && arc.slope(*at).is_some()
+            };
+            let image = is_seen(&image).then_some(image);
+            let strips = of(&arc, &area, image);
             let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
             let (mut inside, steps) = (0, 4000);
             for step in 0..steps {
@@ -456,12 +531,13 @@ mod tests {
             looked_at += inside;
             let length = std::f64::consts::TAU * radius * f64::from(inside) / f64::from(steps);
             let own = 2.0 * arc.half_width * (length + 0.1);
+            // Bands along the limb may be deeper than a narrow streak is wide.
             assert!(
-                size < 2.0 * own + 2e-4,
+                size < 2.0 * own + 1e-3,
                 "draw {draw}: strips of {size} about {own}"
             );
         }
-        assert!(looked_at > 20_000, "{looked_at}");
-        assert!(missed * 100 < looked_at, "{missed} of {looked_at}");
+        assert!(looked_at > 500_000, "{looked_at}");
+        assert!(missed * 10_000 < looked_at, "{missed} of {looked_at}");
     }
 }
