@@ -179,3 +179,114 @@ impl Tracer<'_> {
         bulb.radiance * solid_angle * value
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use std::f64::consts::TAU;
+
+    /// The sample in a pixel that its edge cuts.
+    fn cut_pixel(middle: [f64; 2], normal: [f64; 2]) -> Outline {
+        let along = [-normal[1], normal[0]];
+        let corners = [[-9.0, 0.0], [9.0, 0.0], [9.0, -18.0], [-9.0, -18.0]];
+        let corners = corners.map(|[x, y]| {
+            let [column, row] =
+                [0, 1].map(|axis| middle[axis] + x * along[axis] + y * normal[axis]);
+            [column, row, 1.0]
+        });
+        Outline::of_corners(corners.to_vec())
+    }
+
+    /// A bright spot on a pixel, and about where it is.
+    struct Spot {
+        middle: [f64; 2],
+        width: f64,
+        toward: [f64; 2],
+    }
+
+    impl Spot {
+        /// Anywhere, a third of them on the pixel's border, a fifth to a hundred thousandth of a pixel wide; up to
+        /// three widths from where it is said to be.
+        fn drawn(draw: usize, mut draws: impl FnMut() -> f64) -> Self {
+            let width = libm::exp10(-0.7 - 4.0 * draws());
+            let mut middle = [draws(), draws()];
+            if draw.is_multiple_of(3) {
+                middle[draw % 2] = f64::from(draws() < 0.5);
+            }
+            let (sin, cos) = libm::sincos(TAU * draws());
+            let off = 3.0 * width * draws();
+            Self {
+                middle,
+                width,
+                toward: [middle[0] + off * cos, middle[1] + off * sin],
+            }
+        }
+
+        fn brightness(&self, [x, y]: [f64; 2]) -> f64 {
+            let [x, y] = [x - self.middle[0], y - self.middle[1]].map(|off| off / self.width);
+            libm::exp(-0.5 * (x * x + y * y))
+        }
+
+        /// A place, by its brightness.
+        fn place(&self, mut draws: impl FnMut() -> f64) -> [f64; 2] {
+            let (sin, cos) = libm::sincos(TAU * draws());
+            let off = self.width * (-2.0 * libm::log(draws().max(f64::MIN_POSITIVE))).sqrt();
+            [self.middle[0] + off * cos, self.middle[1] + off * sin]
+        }
+    }
+
+    /// Cells hold all of a bright spot, and paths that are shared among them by their brightness meet it evenly: what
+    /// they carry, squared, is all but always at most 2.5 times what it is in the mean. The sample's edge cuts each
+    /// spot, and may leave a sliver of it.
+    #[test]
+    fn cells_hold_a_bright_spot() {
+        const PLACES: u32 = 2_000;
+        let pixel = [[0.0; 2], [1.0; 2]];
+        let mut random = ChaCha8Rng::seed_from_u64(31);
+        let mut draws = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let (mut looked_at, mut uneven) = (0, 0);
+        for draw in 0..2_000 {
+            let spot = Spot::drawn(draw, &mut draws);
+            let (sin, cos) = libm::sincos(TAU * draws());
+            let off = 4.0 * spot.width * (draws() - 0.5);
+            let edge = [spot.middle[0] + off * cos, spot.middle[1] + off * sin];
+            let outline = cut_pixel(edge, [cos, sin]);
+            let Some(area) = outline.within(pixel) else {
+                continue;
+            };
+            let cells = of(&outline, &area, Some(spot.toward), |at| spot.brightness(at));
+            let Some(cells) = cells else {
+                continue;
+            };
+            let all: f64 = cells
+                .iter()
+                .map(|(area, bright)| bright * area.size())
+                .sum();
+            let (mut seen, mut lost, mut squares) = (0u32, 0, 0.0);
+            for _ in 0..PLACES {
+                let at = spot.place(&mut draws);
+                if !area.holds(at) {
+                    continue;
+                }
+                seen += 1;
+                match cells.iter().find(|(cell, _)| cell.holds(at)) {
+                    Some((_, bright)) => squares += spot.brightness(at) * all / bright,
+                    None => lost += 1,
+                }
+            }
+            if seen < 20 {
+                continue;
+            }
+            looked_at += 1;
+            assert!(lost * 500 <= seen, "draw {draw}: {lost} of {seen}");
+            let light = TAU * spot.width * spot.width * f64::from(seen) / f64::from(PLACES);
+            let squares = squares / f64::from(seen) / light;
+            assert!(squares < 10.0, "draw {draw}: {squares}");
+            uneven += u32::from(squares > 2.5);
+        }
+        assert!(looked_at > 1_500, "{looked_at}");
+        assert!(uneven * 500 <= looked_at, "{uneven} of {looked_at}");
+    }
+}
