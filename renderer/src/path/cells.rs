@@ -183,8 +183,9 @@ impl Tracer<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::path::strips::tests::uniform;
     use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rand_chacha::rand_core::SeedableRng;
     use std::f64::consts::TAU;
 
     /// The sample in a pixel that its edge cuts.
@@ -245,7 +246,7 @@ mod tests {
         const PLACES: u32 = 2_000;
         let pixel = [[0.0; 2], [1.0; 2]];
         let mut random = ChaCha8Rng::seed_from_u64(31);
-        let mut draws = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let mut draws = || uniform(&mut random);
         let (mut looked_at, mut uneven) = (0, 0);
         for draw in 0..2_000 {
             let spot = Spot::drawn(draw, &mut draws);

@@ -222,8 +222,9 @@ fn band(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::path::strips::tests::{pixel, uniform};
     use rand_chacha::ChaCha8Rng;
-    use rand_chacha::rand_core::{Rng, SeedableRng};
+    use rand_chacha::rand_core::SeedableRng;
     use std::f64::consts::TAU;
 
     /// A sample that ends at a circle, and a streak along another one, whose middle is beside the sample.
@@ -279,11 +280,9 @@ mod tests {
     /// The middle of the streak is nowhere on the sample, and its flank is a millionth to a hundredth of a pixel deep.
     #[test]
     fn bands_hold_the_flank() {
-        let pixel = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x, y, 1.0]);
-        let pixel = Outline::of_corners(pixel.to_vec());
-        let area = pixel.within([[0.0; 2], [1.0; 2]]).expect("a pixel");
+        let area = pixel();
         let mut random = ChaCha8Rng::seed_from_u64(29);
-        let mut draws = || f64::from(random.next_u32()) / f64::from(u32::MAX);
+        let mut draws = || uniform(&mut random);
         let (mut looked_at, mut missed) = (0u32, 0u32);
         for draw in 0..300 {
             let depth = libm::exp10(-2.0 - 4.0 * draws());

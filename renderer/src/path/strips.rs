@@ -24,7 +24,7 @@ const MIDDLE: f64 = 0.05;
 /// Places along a side of an area whose middle is beside the sample, among which one on it is looked for. Chosen.
 const PLACES: usize = 8;
 
-/// Places of the limb in a cell, less one, between which it is taken to be straight. Chosen.
+/// Parts of the limb in a cell, each of which is taken to be straight. Chosen.
 const LIMB_PARTS: usize = 4;
 
 /// Halvings by which the sample's limb is found.
@@ -113,17 +113,13 @@ impl Strip {
 
     /// A strip along a chord, as wide as this one.
     fn straight(&self, seen: &impl Seen, ends: [[f64; 2]; 2]) -> Self {
-        Self::along_chord(seen, ends, self.half_width)
-    }
-
-    fn along_chord(seen: &impl Seen, ends: [[f64; 2]; 2], half_width: f64) -> Self {
         let [from, to] = ends;
         let middle = [0, 1].map(|axis| 0.5 * (from[axis] + to[axis]));
         Self {
             ends,
             middle,
             sag: 0.0,
-            half_width,
+            half_width: self.half_width,
             values: [from, middle, to].map(|at| seen.brightness(at)),
         }
     }
@@ -265,8 +261,8 @@ fn middle_of(seen: &impl Seen, area: &Area, image: Option<[f64; 2]>) -> Option<[
 /// A place, and the slope there if it is on the sample.
 type Node = ([f64; 2], Option<f64>);
 
-/// The nodes of the grid over an area, row by row, a little outside of it. If none is on the sample, they are those
-/// nearest to it that are, as seen from `middle`, which is.
+/// The nodes of the grid over an area, row by row. The outer ones are a little outside of it. If none is on the sample,
+/// each is moved to the limb, toward `middle`, which is on it.
 fn nodes_of_grid(seen: &impl Seen, area: &Area, middle: [f64; 2]) -> Vec<Node> {
     let [least, largest] = area.bounds();
     let place = |index: usize| {
@@ -442,7 +438,7 @@ impl Tracer<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -477,24 +473,25 @@ mod tests {
         }
     }
 
-    fn uniform(random: &mut ChaCha8Rng) -> f64 {
+    /// A number in 0 to 1.
+    pub fn uniform(random: &mut ChaCha8Rng) -> f64 {
         f64::from(random.next_u32()) / f64::from(u32::MAX)
+    }
+
+    /// The pixel in column and row 0, all of which sees the sample.
+    pub fn pixel() -> Area {
+        let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| [x, y, 1.0]);
+        let outline = Outline::of_corners(corners.to_vec());
+        outline.within([[0.0; 2], [1.0; 2]]).expect("a pixel")
     }
 
     /// However narrow it is, a streak is found and held up to the limb, from a bulb's image on it or without one, by
     /// strips that are hardly larger but where it is narrower than they can be.
     #[test]
     fn the_strips_of_a_streak_hold_it() {
-        let pixel = [
-            [0.0, 0.0, 1.0],
-            [1.0, 0.0, 1.0],
-            [1.0, 1.0, 1.0],
-            [0.0, 1.0, 1.0],
-        ];
-        let pixel = Outline::of_corners(pixel.to_vec());
-        let area = pixel.within([[0.0; 2], [1.0; 2]]).expect("a pixel");
+        let area = pixel();
         let mut random = ChaCha8Rng::seed_from_u64(23);
-        let (mut looked_at, mut missed) = (0, 0);
+        let (mut looked_at, mut missed, mut images) = (0, 0, 0);
         for draw in 0..3000 {
             let mut draws = || uniform(&mut random);
             let radius = 0.5 + 5.0 * draws();
@@ -515,6 +512,7 @@ mod tests {
                 at.iter().all(|at| (0.0..1.0).contains(at)) && arc.slope(*at).is_some()
             };
             let image = is_seen(&image).then_some(image);
+            images += u32::from(image.is_some());
             let strips = of(&arc, &area, image);
             let size: f64 = strips.iter().map(|(strip, _)| strip.size()).sum();
             let (mut inside, steps) = (0, 4000);
@@ -538,6 +536,7 @@ mod tests {
             );
         }
         assert!(looked_at > 500_000, "{looked_at}");
+        assert!(images > 200, "{images}");
         assert!(missed * 10_000 < looked_at, "{missed} of {looked_at}");
     }
 }
