@@ -104,6 +104,13 @@ pub const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Bytes of messages under way, of all calls together.
 pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
+/// What of [`MESSAGES_BYTES_MAX`] messages longer than [`SHORT_MESSAGE_BYTES_MAX`] may take.
+pub const LONG_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX / 8 * 7;
+
+/// The longest message, bytes, that finds room where long ones have filled theirs: the longest that
+/// an operator sends.
+pub const SHORT_MESSAGE_BYTES_MAX: usize = protocol::CONTROL_MESSAGE_BYTES_MAX;
+
 /// Bytes of answers that nobody has read yet, of all connections together: room for a part of a mesh for
 /// each, so that a peer that has to go where there are more has asked for more than a worker does.
 pub const UNREAD_BYTES_MAX: usize = CONNECTIONS_MAX * protocol::MESH_BYTES_PER_CALL;

@@ -106,13 +106,11 @@ async fn ten_thousand_silent_connections_keep_nobody_out() {
 /// An upload that says how much it is going to send, sends most of it, and then a byte at a time,
 /// for ever.
 struct Unfinished {
+    at_once: usize,
     sent: usize,
     announced: u32,
     pause: Pin<Box<Sleep>>,
 }
-
-/// What an upload sends before it slows down, bytes.
-const SENT_AT_ONCE: usize = 6 << 20;
 
 /// What it sends in one piece, bytes.
 const PIECE: usize = 64 << 10;
@@ -132,7 +130,7 @@ impl http_body::Body for Unfinished {
             self.sent = begin.len();
             return Poll::Ready(Some(Ok(Frame::data(begin.into()))));
         }
-        if self.sent < SENT_AT_ONCE {
+        if self.sent < self.at_once {
             self.sent += PIECE;
             return Poll::Ready(Some(Ok(Frame::data(vec![0; PIECE].into()))));
         }
@@ -148,11 +146,12 @@ impl http_body::Body for Unfinished {
     }
 }
 
-/// Sends an upload that never ends, and returns how it is refused.
-async fn unfinished(url: &str) -> Code {
+/// Sends an upload that slows down after so many bytes and never ends, and returns how it is refused.
+async fn unfinished(url: &str, at_once: usize) -> Code {
     let channel = Endpoint::from_shared(url.to_owned()).expect("a URL");
     let mut channel = channel.connect().await.expect("a connection");
     let body = Unfinished {
+        at_once,
         sent: 0,
         announced: 7 << 20,
         pause: Box::pin(sleep(Duration::ZERO)),
@@ -167,27 +166,31 @@ async fn unfinished(url: &str) -> Code {
     Status::from_header_map(answer.headers()).map_or(Code::Ok, |status| status.code())
 }
 
-/// 120 uploads of 6 MiB that never end are 720 MiB, more than all messages may take together.
+/// 120 uploads of 6 MiB and 400 of 192 KiB that never end are 795 MiB, more than all messages may
+/// take together. The short ones fill what the long ones may not.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
-    const UPLOADS: usize = 120;
+    const LONG: usize = 120;
+    const SHORT: usize = 400;
+    const UPLOADS: usize = LONG + SHORT;
     /// What all messages may take together, and what a coordinator takes beside, bytes.
     const UNFINISHED_MEMORY_MAX: u64 = (512 << 20) + MEMORY_MAX;
     let directory = tempfile::tempdir().expect("a directory");
     let directory = directory.path();
     let (coordinator, url) = coordinator(directory, "store", "");
     let mut uploads = JoinSet::new();
-    for _ in 0..UPLOADS {
+    for number in 0..UPLOADS {
         let url = url.clone();
-        uploads.spawn(async move { unfinished(&url).await });
+        let at_once = if number < LONG { 6 << 20 } else { 192 << 10 };
+        uploads.spawn(async move { unfinished(&url, at_once).await });
     }
     let mut codes = Vec::new();
     let mut memory_max = 0;
     while let Some(code) = uploads.join_next().await {
         codes.push(code.expect("no panic"));
         memory_max = memory_max.max(memory_bytes(&coordinator));
-        if codes.len() == 1 {
-            // Others are still sending.
+        if codes.len() < LONG / 2 {
+            // Others are still sending, and hold all that they can get.
             let answer = status(&url, &Credentials::default()).await;
             assert_eq!(answer.expect("an answer"), 2);
         }

@@ -4,6 +4,7 @@
 
 use super::{
     Caller, Role, Tokens,
+    budget::{Arriving, Budget},
     strangers::Peer,
     unread::{Counted, Unread},
 };
@@ -13,10 +14,7 @@ use http_body::{Frame, SizeHint};
 use std::{
     future::Future,
     pin::{Pin, pin},
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::Arc,
     task::{Context, Poll},
 };
 use tokio::time::{Instant, Sleep, sleep};
@@ -52,20 +50,10 @@ pub(crate) struct Guarded<S> {
     service: S,
 }
 
-/// Bytes of messages under way, of all calls together.
-#[derive(Clone, Default)]
-struct Budget(Arc<AtomicUsize>);
-
-/// What one call's message has taken of the budget.
-struct Share {
-    budget: Budget,
-    bytes: AtomicUsize,
-}
-
 /// A message on its way in.
 struct Metered {
     body: Body,
-    share: Arc<Share>,
+    arriving: Arriving,
     deadline: Pin<Box<Sleep>>,
 }
 
@@ -129,21 +117,6 @@ fn may(role: Role, path: &str) -> bool {
     role == Role::Operator || (role == Role::Reader && readers)
 }
 
-impl Share {
-    fn take(&self, bytes: usize) -> bool {
-        let before = self.budget.0.fetch_add(bytes, Ordering::Relaxed);
-        self.bytes.fetch_add(bytes, Ordering::Relaxed);
-        before + bytes <= limits::MESSAGES_BYTES_MAX
-    }
-}
-
-impl Drop for Share {
-    fn drop(&mut self) {
-        let bytes = *self.bytes.get_mut();
-        self.budget.0.fetch_sub(bytes, Ordering::Relaxed);
-    }
-}
-
 impl http_body::Body for Metered {
     type Data = <Body as http_body::Body>::Data;
     type Error = Status;
@@ -153,13 +126,14 @@ impl http_body::Body for Metered {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
         let polled = pin!(&mut self.body).poll_frame(context);
-        if let Poll::Ready(Some(Ok(frame))) = &polled {
-            let bytes = frame.data_ref().map_or(0, |data| data.len());
-            if !self.share.take(bytes) {
-                let what = "too many messages are under way: try again later";
-                let status = refuse(Code::ResourceExhausted, "BUSY", what);
-                return Poll::Ready(Some(Err(status)));
-            }
+        let bytes = match &polled {
+            Poll::Ready(Some(Ok(frame))) => frame.data_ref().map_or(0, |data| data.len()),
+            _ => 0,
+        };
+        if self.arriving.poll_put_out(context) || (bytes > 0 && !self.arriving.take(bytes)) {
+            let what = "too many messages are under way: try again later";
+            let status = refuse(Code::ResourceExhausted, "BUSY", what);
+            return Poll::Ready(Some(Err(status)));
         }
         let over = matches!(polled, Poll::Ready(None)) || self.body.is_end_stream();
         if !over && self.deadline.as_mut().poll(context).is_ready() {
@@ -229,15 +203,11 @@ where
                 return Box::pin(async move { Ok(status.into_http()) });
             }
         }
-        let share = Arc::new(Share {
-            budget: self.guard.budget.clone(),
-            bytes: AtomicUsize::new(0),
-        });
-        let metered = Arc::clone(&share);
+        let (arriving, share) = self.guard.budget.message();
         let request = request.map(|body| {
             Body::new(Metered {
                 body,
-                share: metered,
+                arriving,
                 deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
             })
         });
@@ -296,36 +266,19 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_share_goes_back_to_the_budget() {
-        let budget = Budget::default();
-        let share = || Share {
-            budget: budget.clone(),
-            bytes: AtomicUsize::new(0),
-        };
-        let (first, second) = (share(), share());
-        assert!(first.take(limits::MESSAGES_BYTES_MAX - 10));
-        assert!(second.take(10));
-        assert!(!second.take(1));
-        drop(second);
-        assert!(share().take(10));
-        drop(first);
-        assert_eq!(budget.0.load(Ordering::Relaxed), 0);
-    }
-
     /// A message that trickles in is given up, and one beyond the budget is not read.
     #[tokio::test(start_paused = true)]
     async fn slow_and_surplus_messages_are_refused() {
         let budget = Budget::default();
         let metered = |body| Metered {
             body: Body::new(body),
-            share: Arc::new(Share {
-                budget: budget.clone(),
-                bytes: AtomicUsize::new(0),
-            }),
+            arriving: budget.message().0,
             deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
         };
-        let mut slow = metered(Trickle { frames: 10_000 });
+        let mut slow = metered(Trickle {
+            frames: 10_000,
+            bytes: 16,
+        });
         let began = Instant::now();
         let refused = loop {
             let frame = std::future::poll_fn(|context| pin!(&mut slow).poll_frame(context)).await;
@@ -339,9 +292,12 @@ mod tests {
         assert!(began.elapsed() < 2 * limits::MESSAGE_DEADLINE);
 
         drop(slow);
-        let others = metered(Trickle { frames: 0 });
-        assert!(others.share.take(limits::MESSAGES_BYTES_MAX));
-        let mut surplus = metered(Trickle { frames: 1 });
+        let (mut others, _share) = budget.message();
+        assert!(others.take(limits::LONG_MESSAGES_BYTES_MAX));
+        let mut surplus = metered(Trickle {
+            frames: 1,
+            bytes: limits::SHORT_MESSAGE_BYTES_MAX + 1,
+        });
         let frame = std::future::poll_fn(|context| pin!(&mut surplus).poll_frame(context)).await;
         let Some(Err(refused)) = frame else {
             panic!("it was read");
@@ -352,6 +308,7 @@ mod tests {
     /// A body whose frames are always there, until there are no more and it never ends.
     struct Trickle {
         frames: u32,
+        bytes: usize,
     }
 
     impl http_body::Body for Trickle {
@@ -365,7 +322,7 @@ mod tests {
             match self.frames.checked_sub(1) {
                 Some(left) => {
                     self.frames = left;
-                    Poll::Ready(Some(Ok(Frame::data(vec![0; 16].into()))))
+                    Poll::Ready(Some(Ok(Frame::data(vec![0; self.bytes].into()))))
                 }
                 None => Poll::Pending,
             }

@@ -4,11 +4,13 @@
 //! | --- | --- |
 //! | `tokens` | which token has which role, compared in constant time |
 //! | `guard` | every call: its role, the memory and the time that its message may take |
+//! | `budget` | the memory of all messages under way, and who goes when it is full |
 //! | `unread` | every answer: the memory of all that nobody reads, and how long one may wait |
 //! | `admission` | every connection: how many, and how long each may keep silent at first |
 //! | `strangers` | connections that have shown no token: how many, and how long |
 
 pub mod admission;
+mod budget;
 pub(crate) mod guard;
 mod strangers;
 mod tokens;
