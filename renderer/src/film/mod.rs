@@ -2,6 +2,8 @@
 
 pub(crate) mod canvas;
 pub(crate) mod demand;
+mod edge;
+mod interval;
 pub(crate) mod log_tile;
 pub(crate) mod log_tiling;
 pub(crate) mod outline;

@@ -12,8 +12,8 @@ mod steps;
 
 use super::canvas::{Brightness, Canvas};
 use super::demand::{Demand, Terms};
+pub use super::edge::Edge;
 use super::outline::Outline;
-pub use super::pixel::Edge;
 use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, Series, add_region, add_tile};

@@ -1,7 +1,8 @@
 //! Functions of the film.
 
 use crate::film::demand::FunctionError;
-use crate::film::pixel::{Edge, OnPixel};
+use crate::film::edge::Edge;
+use crate::film::pixel::OnPixel;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 
