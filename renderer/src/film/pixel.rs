@@ -3,8 +3,8 @@
 #[cfg(test)]
 mod tests;
 
-use super::edge::Edge;
-use super::interval::{MIDDLE, integral};
+use super::edge::{Edge, StraightEdge, Turned};
+use super::interval::{Interval, Rule};
 use crate::numerics::channels::add_scaled;
 use crate::numerics::gauss::KRONROD;
 use crate::numerics::polygon::{Polygon, Rectangle};
@@ -27,6 +27,9 @@ const SPREAD_HALVINGS_MAX: u32 = 6;
 /// Over lines, whose integrals have kinks where the corners of a feature lie, 15 points are off by up to
 /// this many times what null rules show (found by trying).
 const KINKS: f64 = 3.0;
+
+/// Lines over less than this share of the band about an edge begin with the short rule. Chosen.
+const MUCH_OF_BAND: f64 = 0.5;
 
 /// The pieces of a line with an edge, and their points: 15 within each and those between them.
 const EDGE_PIECES: usize = 3;
@@ -67,49 +70,21 @@ pub fn integrate(
     work: &Work,
     function: impl OnPixel,
 ) -> ([f64; 3], f64) {
-    let mut lines = Lines {
+    if polygon.is_empty() {
+        return ([0.0; 3], 0.0);
+    }
+    let lines = Lines {
         function,
         polygon,
         axis,
-        tolerance: 0.5 * tolerance,
+        band: None,
+        tolerance,
         spent: Spent::on(work),
     };
-    let spans = lines.spans();
-    let per_length = match (spans.first(), spans.last()) {
-        (Some([first, _]), Some([_, last])) => 1.0 / (last - first),
-        _ => return ([0.0; 3], 0.0),
-    };
-    let (mut total, mut error) = ([0.0; 3], 0.0);
-    let mut points = 0u64;
-    let mut open: Vec<_> = spans
-        .into_iter()
-        .map(|[low, high]| {
-            let ends = [low, high].map(|at| lines.integral(at).value);
-            (low, high, ends, 0)
-        })
-        .collect();
-    while let Some((low, high, ends, depth)) = open.pop() {
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let mut line_error = 0.0;
-        let values = KRONROD.map(|(node, kronrod, _)| {
-            let line = lines.integral(middle + half * node);
-            line_error += half * kronrod * line.missed;
-            points += line.points;
-            line.value
-        });
-        let (value, missed) = integral(&values, ends, half);
-        let missed = KINKS * missed;
-        let share = (high - low) * per_length;
-        let has_more = lines.spent.leaves_more(points);
-        if missed > tolerance * share && depth < SPREAD_HALVINGS_MAX && has_more {
-            open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
-            open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
-            continue;
-        }
-        add_scaled(&mut total, value, 1.0);
-        error += line_error + missed;
+    match StraightEdge::of(&lines.function, polygon, axis) {
+        Some(edge) => lines.along(edge, &edge.turned(polygon)).integral(),
+        None => lines.integral(),
     }
-    (total, error)
 }
 
 /// What the lines over a pixel took, and may take.
@@ -146,15 +121,80 @@ struct Lines<'a, F> {
     function: F,
     polygon: &'a Polygon,
     axis: usize,
-    /// Of each line.
+    /// What lies between two lines, if beyond it the function changes little from line to line, and along none much.
+    band: Option<[f64; 2]>,
+    /// Of the whole integral. A line gets half of it.
     tolerance: f64,
     spent: Spent<'a>,
 }
 
-impl<F: OnPixel> Lines<'_, F> {
-    /// The intervals over which the integrals along lines change smoothly: between the polygon's corners, and where
-    /// an edge crosses a side of its box across the lines.
-    fn spans(&self) -> Vec<[f64; 2]> {
+impl<'a, F: OnPixel> Lines<'a, F> {
+    /// Lines along an edge, over the polygon as seen along it.
+    fn along(self, edge: StraightEdge, turned: &'a Polygon) -> Lines<'a, Turned<F>> {
+        Lines {
+            function: Turned {
+                function: self.function,
+                edge,
+            },
+            polygon: turned,
+            axis: Turned::<F>::ALONG,
+            band: Some(edge.band()),
+            tolerance: self.tolerance,
+            spent: self.spent,
+        }
+    }
+
+    /// The integral over the polygon, and its error.
+    fn integral(mut self) -> ([f64; 3], f64) {
+        let breaks = self.breaks();
+        let per_length = match breaks[..] {
+            [first, .., last] => 1.0 / (last - first),
+            _ => return ([0.0; 3], 0.0),
+        };
+        let (mut total, mut error) = ([0.0; 3], 0.0);
+        let mut points = 0u64;
+        let mut open = self.intervals(&breaks);
+        while let Some(interval) = open.pop() {
+            let mut line_error = 0.0;
+            let integral = interval.integral(|at, weight| {
+                let line = self.line(at);
+                line_error += weight * line.missed;
+                points += line.points;
+                line.value
+            });
+            let missed = KINKS * integral.missed;
+            let share = (interval.high - interval.low) * per_length;
+            let has_more = self.spent.leaves_more(points);
+            if missed > self.tolerance * share && interval.depth < SPREAD_HALVINGS_MAX && has_more {
+                open.extend(interval.finer(&integral));
+                continue;
+            }
+            add_scaled(&mut total, integral.value, 1.0);
+            error += line_error + missed;
+        }
+        (total, error)
+    }
+
+    /// The intervals between some places.
+    fn intervals(&mut self, places: &[f64]) -> Vec<Interval> {
+        let mut ends = Vec::with_capacity(places.len());
+        ends.extend(places.iter().map(|&at| (at, self.line(at).value)));
+        let interval = |pair: &[(f64, [f64; 3])]| {
+            let [(low, first), (high, last)] = [pair[0], pair[1]];
+            Interval {
+                low,
+                high,
+                ends: [first, last],
+                depth: 0,
+                rule: self.rule_over([low, high]),
+            }
+        };
+        ends.windows(2).map(interval).collect()
+    }
+
+    /// Places between which the integrals along lines change smoothly: the polygon's corners, where an edge crosses a
+    /// side of its box across the lines, and the sides of the band.
+    fn breaks(&self) -> Vec<f64> {
         let (axis, across) = (self.axis, 1 - self.axis);
         let corners = self.polygon.corners().iter();
         let mut breaks: Vec<f64> = corners.map(|corner| corner[across]).collect();
@@ -164,9 +204,20 @@ impl<F: OnPixel> Lines<'_, F> {
             self.edge(across, end[axis], between)
         });
         breaks.extend(crossed.iter().flatten().map(|edge| edge.at));
+        let band = self.band.into_iter().flatten();
+        breaks.extend(band.filter(|&at| low[across] < at && at < high[across]));
         breaks.sort_unstable_by(f64::total_cmp);
-        let pairs = breaks.windows(2).map(|pair| [pair[0], pair[1]]);
-        pairs.filter(|[low, high]| low < high).collect()
+        breaks.dedup();
+        breaks
+    }
+
+    /// The rule that is tried first over lines from one to another.
+    fn rule_over(&self, [from, to]: [f64; 2]) -> Rule {
+        let shared = |[low, high]: [f64; 2]| (to.min(high) - from.max(low)) / (high - low);
+        match self.band {
+            Some(band) if shared(band) < MUCH_OF_BAND => Rule::Short,
+            _ => Rule::Full,
+        }
     }
 
     /// A narrow edge on a line along `axis`, if a line about an edge may take its points.
@@ -179,7 +230,7 @@ impl<F: OnPixel> Lines<'_, F> {
     }
 
     /// The integral along the line at a coordinate.
-    fn integral(&mut self, at: f64) -> Line {
+    fn line(&mut self, at: f64) -> Line {
         let Some([from, to]) = self.polygon.chord(1 - self.axis, at) else {
             return Line::default();
         };
@@ -194,7 +245,17 @@ impl<F: OnPixel> Lines<'_, F> {
             value
         };
         let may_halve = |points| spent.leaves_line(points);
-        line_integral(along, [from, to], edge, self.tolerance, may_halve)
+        let rule = match self.band {
+            Some(_) => Rule::Short,
+            None => Rule::Full,
+        };
+        line_integral(
+            along,
+            [from, to],
+            (edge, rule),
+            0.5 * self.tolerance,
+            may_halve,
+        )
     }
 }
 
@@ -214,35 +275,38 @@ struct Line {
 fn line_integral(
     mut function: impl FnMut(f64) -> [f64; 3],
     [from, to]: [f64; 2],
-    edge: Option<Edge>,
+    (edge, rule): (Option<Edge>, Rule),
     tolerance: f64,
     may_halve: impl Fn(u64) -> bool,
 ) -> Line {
-    let rule = KRONROD.len() as u64;
     let mut open = Vec::with_capacity(EDGE_PIECES);
     let (mut low, mut at_low) = (from, function(from));
     let parts = edge.into_iter().flat_map(|edge| edge.parts([from, to]));
     for high in parts.chain([to]) {
         let at_high = function(high);
-        open.push((low, high, [at_low, at_high], 0));
+        open.push(Interval {
+            low,
+            high,
+            ends: [at_low, at_high],
+            depth: 0,
+            rule,
+        });
         (low, at_low) = (high, at_high);
     }
     let mut line = Line {
-        points: open.len() as u64 * (rule + 1) + 1,
+        points: open.len() as u64 * (rule.points() + 1) + 1,
         ..Line::default()
     };
-    while let Some((low, high, ends, depth)) = open.pop() {
-        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-        let values = KRONROD.map(|(node, ..)| function(middle + half * node));
-        let (value, missed) = integral(&values, ends, half);
-        if missed > tolerance && depth < HALVINGS_MAX && may_halve(line.points + 2 * rule) {
-            line.points += 2 * rule;
-            open.push((low, middle, [ends[0], values[MIDDLE]], depth + 1));
-            open.push((middle, high, [values[MIDDLE], ends[1]], depth + 1));
+    while let Some(interval) = open.pop() {
+        let integral = interval.integral(|at, _| function(at));
+        let points = line.points + interval.points_of_finer();
+        if integral.missed > tolerance && interval.depth < HALVINGS_MAX && may_halve(points) {
+            line.points = points;
+            open.extend(interval.finer(&integral));
             continue;
         }
-        add_scaled(&mut line.value, value, 1.0);
-        line.missed += missed;
+        add_scaled(&mut line.value, integral.value, 1.0);
+        line.missed += integral.missed;
     }
     line
 }

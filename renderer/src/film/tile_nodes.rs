@@ -9,6 +9,9 @@ pub const MANY: usize = 8;
 /// The same where little is asked for: see [`super::demand::Terms`].
 pub const FEW: usize = 5;
 
+/// The same on a part of one pixel for which [`MANY`] or [`FEW`] do not do.
+pub const FINER: usize = 12;
+
 /// What follows from where the nodes of a tile lie. Coordinates go from -1 to 1 along each side.
 pub struct Layout {
     /// The lines that are worked out after the row and the column through the middle, until one shows that the tile is
@@ -61,10 +64,41 @@ const OF_FEW: Layout = Layout {
     on_sides: [[-0.43, -1.0], [1.0, -0.43], [0.43, 1.0], [-1.0, 0.43]],
 };
 
+const OF_FINER: Layout = Layout {
+    lines: &[
+        [0, 0],
+        [1, 11],
+        [0, 11],
+        [1, 0],
+        [0, 3],
+        [1, 8],
+        [0, 8],
+        [1, 3],
+        [0, 1],
+        [1, 10],
+        [0, 10],
+        [1, 1],
+        [0, 2],
+        [1, 9],
+        [0, 9],
+        [1, 2],
+        [0, 4],
+        [1, 7],
+        [0, 7],
+        [1, 4],
+        [0, 5],
+        [1, 5],
+    ],
+    widest_gap: 0.131,
+    between: [[0.26, -0.7], [-0.7, -0.26], [-0.26, 0.7], [0.7, 0.26]],
+    on_sides: [[-0.19, -1.0], [1.0, -0.19], [0.19, 1.0], [-1.0, 0.19]],
+};
+
 /// That of a tile with so many terms along each side.
 pub const fn layout(terms: usize) -> &'static Layout {
     match terms {
         FEW => &OF_FEW,
+        FINER => &OF_FINER,
         _ => &OF_MANY,
     }
 }
@@ -161,6 +195,7 @@ mod tests {
     fn every_node_is_asked_for_once() {
         ask_for_every_node::<MANY>();
         ask_for_every_node::<FEW>();
+        ask_for_every_node::<FINER>();
     }
 
     /// Points that are looked at lie on no line of nodes, and no gap is wider than is said.
@@ -186,5 +221,6 @@ mod tests {
     fn points_lie_between_nodes() {
         look_between::<MANY>();
         look_between::<FEW>();
+        look_between::<FINER>();
     }
 }

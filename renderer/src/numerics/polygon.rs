@@ -197,6 +197,15 @@ impl Polygon {
         (0..corners.len()).map(move |i| (corners[i], corners[next(i)]))
     }
 
+    /// The polygon whose corners are these ones' images.
+    pub fn map(&self, image: impl Fn([f64; 2]) -> [f64; 2]) -> Self {
+        let mut polygon = *self;
+        for corner in &mut polygon.corners[..self.count] {
+            *corner = image(*corner);
+        }
+        polygon
+    }
+
     /// The signed area.
     pub fn area(&self) -> f64 {
         0.5 * self

@@ -165,6 +165,116 @@ fn an_edge_that_is_misplaced_is_off_by_no_more_than_stated() {
     }
 }
 
+/// A rise over the rim of a disc, which is told of, and a step over a straight line, which is not.
+struct Rim {
+    centre: [f64; 2],
+    radius: f64,
+    width: f64,
+    is_told: bool,
+    /// A line's direction, its distance, and the height of the step over it.
+    step: ([f64; 2], f64, f64),
+}
+
+impl Rim {
+    /// Radii of 2 to 64 pixels, and 2 to 200 widths of the rim to a pixel.
+    fn drawn(index: u32, step: f64) -> Self {
+        let fraction = |factor| fraction(index, factor);
+        let radius = 2.0 * libm::pow(32.0, fraction(0.754_877_666_246_692_8));
+        let through = [0.618_033_988_749_894_9, 0.414_213_562_373_095_1].map(fraction);
+        let (sin, cos) = libm::sincos(std::f64::consts::TAU * fraction(0.324_717_957_244_746));
+        let (down, right) = libm::sincos(std::f64::consts::TAU * fraction(0.236_067_977_499_789_7));
+        Self {
+            centre: [through[0] - radius * cos, through[1] - radius * sin],
+            radius,
+            width: 0.5 * libm::pow(0.01, fraction(0.569_840_290_998_053_2)),
+            is_told: true,
+            step: (
+                [right, down],
+                0.5 * (right + down) + 0.4 * (through[0] - 0.5),
+                step,
+            ),
+        }
+    }
+
+    fn outside(&self, [x, y]: [f64; 2]) -> f64 {
+        libm::hypot(x - self.centre[0], y - self.centre[1]) - self.radius
+    }
+
+    /// The integral to a tolerance, what it states, and points.
+    fn integral(&self, tolerance: f64, work: &Work) -> (f64, f64, u64) {
+        let (away, points) = (self.outside([0.5; 2]), Cell::new(0));
+        let slope = [0, 1].map(|axis| (0.5 - self.centre[axis]) / (away + self.radius));
+        let axis = usize::from(slope[1].abs() > slope[0].abs());
+        let (value, stated) = integrate(&unit_square(), axis, tolerance, work, (self, &points));
+        (value[0], stated, points.get())
+    }
+}
+
+impl OnPixel for (&Rim, &Cell<u64>) {
+    fn at(&mut self, film_point: [f64; 2]) -> ([f64; 3], u64) {
+        let (rim, points) = self;
+        points.set(points.get() + 1);
+        let in_widths = rim.outside(film_point) / rim.width;
+        let (normal, distance, height) = rim.step;
+        let beyond = normal[0] * film_point[0] + normal[1] * film_point[1] > distance;
+        let light = 0.5 * libm::erfc(in_widths * std::f64::consts::FRAC_1_SQRT_2);
+        ([light + if beyond { height } else { 0.0 }; 3], 1)
+    }
+
+    fn edge(&self, axis: usize, across: f64, [from, to]: [f64; 2]) -> Option<Edge> {
+        let rim = self.0;
+        let aside = across - rim.centre[1 - axis];
+        let half = (rim.radius * rim.radius - aside * aside).max(0.0).sqrt();
+        let mut ends = [-half, half]
+            .map(|half| rim.centre[axis] + half)
+            .into_iter();
+        let at = ends.find(|&at| from < at && at < to)?;
+        let slope = (at - rim.centre[axis]).abs() / rim.radius;
+        let width = rim.width / slope;
+        (rim.is_told && width.is_finite()).then_some(Edge { at, width })
+    }
+}
+
+const MUCH: Work = Work {
+    points_max: 4_000_000,
+    evaluations_max: u64::MAX,
+};
+
+#[test]
+fn a_rim_is_off_by_no_more_than_stated() {
+    let (mut with, mut without) = (0, 0);
+    for index in 0..600 {
+        let mut rim = Rim::drawn(index, 0.0);
+        let (value, stated, points) = rim.integral(TOLERANCE, &WORK);
+        rim.is_told = false;
+        let (expected, ..) = rim.integral(1e-8, &MUCH);
+        let off = (value - expected).abs();
+        assert!(off <= stated.max(TOLERANCE), "{index}: {off}, {stated}");
+        with += points;
+        without += rim.integral(TOLERANCE, &WORK).2;
+    }
+    assert!(with < without / 3 * 2, "{with} {without}");
+}
+
+/// Lines along a known edge begin with few points; what else is on the pixel is not lost.
+#[test]
+fn a_step_beside_a_known_rim_is_off_by_no_more_than_stated() {
+    for index in 0..2_000 {
+        let height = libm::exp10(-4.0 * fraction(index, 0.148_148_148_1));
+        let mut rim = Rim::drawn(index, height);
+        let (value, stated, _) = rim.integral(TOLERANCE, &WORK);
+        rim.step.2 = 0.0;
+        let (of_rim, ..) = rim.integral(1e-6, &MUCH);
+        let (normal, distance, _) = rim.step;
+        let beyond = area(|at| normal[0] * at[0] + normal[1] * at[1] - distance);
+        let off = (value - of_rim - height * beyond).abs();
+        assert!(
+            off <= stated.max(TOLERANCE),
+            "{index} {height}: {off}, {stated}"
+        );
+    }
+}
+
 #[test]
 fn what_lies_in_a_corner_is_found() {
     for side in [0.1, 0.01, 0.004, 0.002] {

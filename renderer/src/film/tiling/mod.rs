@@ -18,7 +18,7 @@ use super::pixel::{self, Work};
 use super::refine::{Rounds, cut_out, refine, roots};
 use super::region::{Region, Series, add_region, add_tile};
 use super::target;
-use super::tile_nodes::{FEW, MANY, NodeValues, layout};
+use super::tile_nodes::{FEW, FINER, MANY, NodeValues, layout};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::Rectangle;
@@ -105,18 +105,10 @@ fn integrate_by<S: Shade, const TERMS: usize>(
     demand: &Demand<'_>,
     shade: &S,
 ) -> u64 {
-    let tiling = Tiling::<S, TERMS> {
-        before: Brightness::of(canvas),
-        outline,
-        regions,
-        demand,
-        shade,
-        basis: Basis::new(),
-        gain: regions
-            .iter()
-            .flat_map(|region| region.factor)
-            .fold(0.0, f64::max),
-    };
+    let before = Brightness::of(canvas);
+    let place = (&before, outline, regions);
+    let on_pixels = Tiling::<S, FINER>::new(place, demand, shade, None);
+    let tiling = Tiling::<S, TERMS>::new(place, demand, shade, Some(&on_pixels));
     let side_max = (demand.side_max / demand.terms.spread()).max(1.0);
     let open = parts.iter().flat_map(|&part| match &demand.feature {
         Some(feature) => cut_out(part, feature, side_max),
@@ -137,16 +129,8 @@ fn integrate_by<S: Shade, const TERMS: usize>(
         |canvas, growth| {
             match growth {
                 Growth::Nothing => {}
-                Growth::Tile(series) => {
-                    let function_error = |cell: &Rectangle| shade.function_error(cell);
-                    add_tile(
-                        canvas,
-                        &series,
-                        function_error,
-                        regions,
-                        demand.instructions,
-                    );
-                }
+                Growth::Tile(series) => tiling.add(canvas, &series),
+                Growth::Finer(series) => tiling.add(canvas, &series),
                 Growth::Pixel(cell, parts) => {
                     for (region, (value, error)) in regions.iter().zip(parts) {
                         add_region(canvas, &cell, region, value, error);
@@ -164,6 +148,8 @@ enum Growth<const TERMS: usize> {
     /// Nothing of the outline is on it.
     Nothing,
     Tile(Box<Series<TERMS>>),
+    /// On a part of one pixel.
+    Finer(Box<Series<FINER>>),
     /// For each region the integral over what it covers, and its error.
     Pixel(Rectangle, Vec<([f64; 3], f64)>),
     /// The function is not smooth on it.
@@ -209,18 +195,55 @@ struct Candidate<'a> {
     effort: Effort,
 }
 
+/// What the series of a rectangle came to.
+enum Fitted<const TERMS: usize> {
+    Series(Box<Series<TERMS>>),
+    /// A few lines of nodes show that the rectangle is too coarse along an axis.
+    Coarse(usize),
+    /// The series does not do. It is worse along the axis.
+    Off(Box<Tile<TERMS>>, Rule, usize),
+}
+
 struct Tiling<'a, S, const TERMS: usize> {
     /// The film as it was.
-    before: Brightness,
+    before: &'a Brightness,
     outline: &'a Outline,
     regions: &'a [Region<'a>],
     demand: &'a Demand<'a>,
     shade: &'a S,
     basis: Basis<TERMS>,
     gain: f64,
+    /// What is tried on a part of a pixel, before lines are.
+    finer: Option<&'a Tiling<'a, S, FINER>>,
 }
 
-impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
+impl<'a, S: Shade, const TERMS: usize> Tiling<'a, S, TERMS> {
+    fn new(
+        (before, outline, regions): (&'a Brightness, &'a Outline, &'a [Region<'a>]),
+        demand: &'a Demand<'a>,
+        shade: &'a S,
+        finer: Option<&'a Tiling<'a, S, FINER>>,
+    ) -> Self {
+        let factors = regions.iter().flat_map(|region| region.factor);
+        Self {
+            before,
+            outline,
+            regions,
+            demand,
+            shade,
+            basis: Basis::new(),
+            gain: factors.fold(0.0, f64::max),
+            finer,
+        }
+    }
+
+    /// Adds the integrals of a series over the pixels of the regions.
+    fn add<const ANY: usize>(&self, canvas: &mut Canvas<'_>, series: &Series<ANY>) {
+        let function_error = |cell: &Rectangle| self.shade.function_error(cell);
+        let instructions = self.demand.instructions;
+        add_tile(canvas, series, function_error, self.regions, instructions);
+    }
+
     /// Works out a rectangle, or halves it where the function is not smooth; also counts
     /// evaluations.
     fn grow(
@@ -268,20 +291,51 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
 
     /// Works out a rectangle on which there is something of the outline.
     fn work_out(&self, candidate: &Candidate<'_>, function: &mut Counted<'_, S>) -> Growth<TERMS> {
+        let rectangle = candidate.rectangle;
+        let halves = |steep: usize| {
+            let axis = axis_to_halve(rectangle, steep)?;
+            Some(Growth::Halves(rectangle.halves(axis)))
+        };
+        let can_halve = |steep| axis_to_halve(rectangle, steep).is_some();
+        let (tile, rule, steep) = match self.fitted(candidate, can_halve, function) {
+            Fitted::Series(series) => return Growth::Tile(series),
+            Fitted::Coarse(steep) => return halves(steep).expect("it can be halved"),
+            Fitted::Off(tile, rule, steep) => (tile, rule, steep),
+        };
+        if let Some(halves) = halves(steep) {
+            return halves;
+        }
+        if let Some(finer) = self.finer
+            && let Fitted::Series(series) = finer.fitted(candidate, |_| true, function)
+        {
+            return Growth::Finer(series);
+        }
+        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
+        let brightest = mean[0].max(mean[1]).max(mean[2]);
+        let allowed = self.allowed(candidate.before + self.gain * brightest, candidate.effort);
+        let (tolerance, missed) = self.rule_of_pixel(candidate, &rule, allowed, function);
+        let parts = self.pixel(rectangle, steep, [allowed, missed], tolerance, function);
+        Growth::Pixel(*rectangle, parts)
+    }
+
+    /// The series on a rectangle. `gives_up` tells whether it is not worked out where a few lines of nodes show that
+    /// the rectangle is too coarse along an axis.
+    fn fitted(
+        &self,
+        candidate: &Candidate<'_>,
+        gives_up: impl Fn(usize) -> bool,
+        function: &mut Counted<'_, S>,
+    ) -> Fitted<TERMS> {
         let Candidate {
             rectangle,
             before,
             effort,
         } = *candidate;
         let demand = self.demand;
-        let halves = |steep: usize| {
-            let axis = axis_to_halve(rectangle, steep)?;
-            Some(Growth::Halves(rectangle.halves(axis)))
-        };
         let mut nodes = NodeValues::unknown(self.basis.nodes(rectangle).collect());
         let steep = self.steep_cross(candidate, &mut nodes, function);
-        if let Some(halves) = steep.and_then(halves) {
-            return halves;
+        if let Some(steep) = steep.filter(|&steep| gives_up(steep)) {
+            return Fitted::Coarse(steep);
         }
         let rule = self.rule(candidate, function);
         let Rule {
@@ -291,8 +345,8 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
             nodes.forget();
         }
         let steep = self.steep_line(candidate, &mut nodes, &rule, function);
-        if let Some(halves) = steep.and_then(halves) {
-            return halves;
+        if let Some(steep) = steep.filter(|&steep| gives_up(steep)) {
+            return Fitted::Coarse(steep);
         }
         let values = nodes.all(|node| function.at(node, tolerance));
         let (tile, fit) = self.basis.fit(*rectangle, values.iter().flatten().copied());
@@ -300,28 +354,19 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         let is_met = |fit_error: f64| {
             effort == Effort::None || demand.shares.is_met(fit_error, rule.own, allowed)
         };
-        let steep = match self.fit_error(&tile, (&fit, &values), &rule, is_met, function) {
+        match self.fit_error(&tile, (&fit, &values), &rule, is_met, function) {
             Ok(fit_error) => {
                 let off_at_centroids = tile.off_at_centroids([1.0; 2]);
                 let by_centroids = off_at_centroids < demand.shares.centroids * allowed;
                 let of_parts = if by_centroids { off_at_centroids } else { 0.0 };
-                return Growth::Tile(Box::new(Series {
+                Fitted::Series(Box::new(Series {
                     tile,
                     error: self.stated(&fit_error, allowed, &values) + missed + of_parts,
                     by_centroids,
-                }));
+                }))
             }
-            Err(axis) => axis,
-        };
-        if let Some(halves) = halves(steep) {
-            return halves;
+            Err(steep) => Fitted::Off(Box::new(tile), rule, steep),
         }
-        let mean = tile.integral(rectangle).map(|sum| sum / rectangle.area());
-        let brightest = mean[0].max(mean[1]).max(mean[2]);
-        let allowed = self.allowed(before + self.gain * brightest, effort);
-        let (tolerance, missed) = self.rule_of_pixel(candidate, &rule, allowed, function);
-        let parts = self.pixel(rectangle, steep, [allowed, missed], tolerance, function);
-        Growth::Pixel(*rectangle, parts)
     }
 
     /// What a tile states for its series.
