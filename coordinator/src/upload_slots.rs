@@ -85,9 +85,15 @@ mod tests {
     async fn the_next_begins_when_the_asker_has_had_its_turn() {
         let slots = Arc::new(UploadSlots::new(1));
         let (tell, told) = mpsc::channel();
+        let (release, released) = mpsc::channel::<()>();
         let first = {
             let (slots, tell) = (Arc::clone(&slots), tell.clone());
-            task::spawn(async move { slots.run(move || tell.send(1)).await })
+            let work = move || {
+                // Work that is done at once may be done before its asker's turn is over.
+                released.recv().unwrap();
+                tell.send(1)
+            };
+            task::spawn(async move { slots.run(work).await })
         };
         let second = {
             let slots = Arc::clone(&slots);
@@ -95,6 +101,7 @@ mod tests {
         };
         // Both ask; this thread, the runtime's only one, then gives nobody a turn.
         task::yield_now().await;
+        release.send(()).unwrap();
         assert_eq!(told.recv(), Ok(1));
         let next = told.recv_timeout(Duration::from_millis(100));
         assert_eq!(next, Err(mpsc::RecvTimeoutError::Timeout));
