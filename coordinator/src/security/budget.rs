@@ -1,9 +1,12 @@
 //! Bytes of messages under way, of all calls together.
 //!
 //! Most of the budget is for long messages, as uploads are: where there are too many, the next one
-//! waits. The rest is for short ones, as those are that ask how things stand or bar a worker; and
-//! where that is full too, a short message has the longest one put out that is still arriving. So
-//! nobody keeps an operator out by sending uploads that never end.
+//! is refused and tried again later. The rest is for short ones, as those are that ask how things
+//! stand or block a worker. Where that is full too, a short message has the longest one put out that
+//! is still arriving. So nobody keeps an operator out by sending uploads that never end.
+//!
+//! A long message counts as short at first, until more than `SHORT_MESSAGE_BYTES_MAX` of it has
+//! arrived. So where the whole budget is full, the beginning of a long one puts the longest out, too.
 
 use limits::{LONG_MESSAGES_BYTES_MAX, MESSAGES_BYTES_MAX, SHORT_MESSAGE_BYTES_MAX};
 use std::{
@@ -64,7 +67,8 @@ impl Budget {
 }
 
 impl Held {
-    /// Makes room for a message that will have taken so much, `more` of it new.
+    /// Makes room for a message that will have taken `own` bytes, `more` of them new. Returns whether
+    /// there is room.
     fn make_room(&mut self, own: usize, more: usize) -> bool {
         if own > SHORT_MESSAGE_BYTES_MAX {
             return self.bytes + more <= LONG_MESSAGES_BYTES_MAX;
@@ -85,7 +89,7 @@ impl Held {
 }
 
 impl Arriving {
-    /// Takes more, or nothing where there is no room.
+    /// Takes so many more bytes, or none where there is no room. Returns whether it took them.
     pub fn take(&mut self, more: usize) -> bool {
         let mut bytes = lock(&self.share.bytes);
         let mut held = lock(&self.share.budget.0);
@@ -102,7 +106,7 @@ impl Arriving {
         room
     }
 
-    /// Whether it had to go for a shorter one. Where not, the task is woken when it has to.
+    /// Whether it was put out for a shorter one. If not, the task is woken when it is.
     pub fn poll_put_out(&mut self, context: &mut Context<'_>) -> bool {
         self.put_out.is_terminated() || pin!(&mut self.put_out).poll(context).is_ready()
     }

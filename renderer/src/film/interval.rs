@@ -10,9 +10,9 @@ const STEP: f64 = 0.5;
 /// By how many points an interval is integrated.
 #[derive(Clone, Copy)]
 pub enum Rule {
-    /// 7.
+    /// By 7.
     Short,
-    /// 15.
+    /// By 15.
     Full,
 }
 

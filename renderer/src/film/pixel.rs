@@ -121,7 +121,8 @@ struct Lines<'a, F> {
     function: F,
     polygon: &'a Polygon,
     axis: usize,
-    /// What lies between two lines, if beyond it the function changes little from line to line, and along none much.
+    /// Two lines, if the function is known to change between them: beyond them it changes little from line to line, and
+    /// along none of them much.
     band: Option<[f64; 2]>,
     /// Of the whole integral. A line gets half of it.
     tolerance: f64,

@@ -41,10 +41,10 @@ const COARSE_TARGET: f64 = 1e-2;
 /// The share of the target that the bulb's light may miss. Chosen: this light costs next to nothing.
 const BULB_SHARE: f64 = 0.1;
 
-/// The share of the target that the chart's light may miss. Chosen: with it the sum above is below 1. Where interreflection
-/// misses next to nothing 0.5 would do, too, and the dearest materials would take a seventh less work. But with 0.5 one of
-/// 1,400 images of the preset had a tile off by 2.5 times the tolerance that its checks did not see (material 6716, view
-/// 1).
+/// The share of the target that the chart's light may miss. Chosen: with it the sum above is below 1.
+/// Where interreflection misses next to nothing, 0.5 would be below 1, too. The dearest materials would
+/// take a seventh less work. But one of 1,400 images of the preset then had a tile that was off by 2.5
+/// times the tolerance, and its checks did not see it (material 6716, view 1).
 const CHART_SHARE: f64 = 0.4;
 
 const _: () = assert!(
