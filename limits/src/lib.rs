@@ -108,8 +108,8 @@ pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 pub const LONG_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX / 8 * 7;
 
 /// The longest message, bytes, that finds room where long ones have filled theirs: the longest that
-/// an operator sends.
-pub const SHORT_MESSAGE_BYTES_MAX: usize = protocol::CONTROL_MESSAGE_BYTES_MAX;
+/// an operator sends, and gRPC's five bytes before it.
+pub const SHORT_MESSAGE_BYTES_MAX: usize = protocol::CONTROL_MESSAGE_BYTES_MAX + 5;
 
 /// Bytes of answers that nobody has read yet, of all connections together: room for a part of a mesh for
 /// each, so that a peer that has to go where there are more has asked for more than a worker does.

@@ -5,8 +5,8 @@
 //! stand or block a worker. Where that is full too, a short message has the longest one put out that
 //! is still arriving. So nobody keeps an operator out by sending uploads that never end.
 //!
-//! A long message counts as short at first, until more than `SHORT_MESSAGE_BYTES_MAX` of it has
-//! arrived. So where the whole budget is full, the beginning of a long one puts the longest out, too.
+//! How long a message will be it says itself, in its first bytes. Who says too little counts as long
+//! from the byte on that is too much.
 
 use limits::{LONG_MESSAGES_BYTES_MAX, MESSAGES_BYTES_MAX, SHORT_MESSAGE_BYTES_MAX};
 use std::{
@@ -43,6 +43,8 @@ pub(super) struct Arriving {
     number: u64,
     share: Arc<Share>,
     put_out: oneshot::Receiver<()>,
+    /// How long it said that it will be.
+    announced: usize,
 }
 
 impl Budget {
@@ -61,16 +63,17 @@ impl Budget {
             number,
             share: Arc::clone(&share),
             put_out,
+            announced: 0,
         };
         (arriving, share)
     }
 }
 
 impl Held {
-    /// Makes room for a message that will have taken `own` bytes, `more` of them new. Returns whether
-    /// there is room.
-    fn make_room(&mut self, own: usize, more: usize) -> bool {
-        if own > SHORT_MESSAGE_BYTES_MAX {
+    /// Makes room for a message of which `own` bytes will have arrived, `more` of them new, and which is
+    /// `long` in the end, as far as it is known. Returns whether there is room.
+    fn make_room(&mut self, own: usize, more: usize, long: usize) -> bool {
+        if long > SHORT_MESSAGE_BYTES_MAX {
             return self.bytes + more <= LONG_MESSAGES_BYTES_MAX;
         }
         while self.bytes + more > MESSAGES_BYTES_MAX {
@@ -89,6 +92,11 @@ impl Held {
 }
 
 impl Arriving {
+    /// It will be so long.
+    pub fn announce(&mut self, bytes: usize) {
+        self.announced = bytes;
+    }
+
     /// Takes so many more bytes, or none where there is no room. Returns whether it took them.
     pub fn take(&mut self, more: usize) -> bool {
         let mut bytes = lock(&self.share.bytes);
@@ -97,7 +105,7 @@ impl Arriving {
         let Some(keep) = held.arriving.remove(&(*bytes, self.number)) else {
             return false;
         };
-        let room = held.make_room(own, more);
+        let room = held.make_room(own, more, own.max(self.announced));
         if room {
             held.bytes += more;
             *bytes = own;
@@ -183,6 +191,29 @@ mod tests {
             .into_iter()
             .filter_map(|(mut short, _share)| short.poll_put_out(&mut context).then_some(()));
         assert_eq!(out.count(), 1);
+    }
+
+    /// Thousands of long ones that begin at once keep nobody out, and put nobody out.
+    #[test]
+    fn the_beginnings_of_long_messages_put_nobody_out() {
+        let budget = Budget::default();
+        let (mut nearly_whole, _nearly_whole) = budget.message();
+        assert!(nearly_whole.take(LONG_MESSAGES_BYTES_MAX - SHORT_MESSAGE_BYTES_MAX));
+        let beginnings: Vec<_> = (0..4_000)
+            .map(|_| {
+                let mut beginning = budget.message();
+                beginning.0.announce(6 << 20);
+                while beginning.0.take(1 << 14) {}
+                beginning
+            })
+            .collect();
+        let mut context = Context::from_waker(Waker::noop());
+        assert!(!nearly_whole.poll_put_out(&mut context));
+        assert!(taken(&budget) <= LONG_MESSAGES_BYTES_MAX);
+        let (mut short, _short) = budget.message();
+        assert!(short.take(SHORT_MESSAGE_BYTES_MAX));
+        drop((short, _short, beginnings));
+        assert!(nearly_whole.take(SHORT_MESSAGE_BYTES_MAX));
     }
 
     proptest! {

@@ -5,6 +5,7 @@
 use super::{
     Caller, Role, Tokens,
     budget::{Arriving, Budget},
+    prefix::Prefix,
     strangers::Peer,
     unread::{Counted, Unread},
 };
@@ -53,6 +54,7 @@ pub(crate) struct Guarded<S> {
 /// A message on its way in.
 struct Metered {
     body: Body,
+    prefix: Prefix,
     arriving: Arriving,
     deadline: Pin<Box<Sleep>>,
 }
@@ -126,10 +128,14 @@ impl http_body::Body for Metered {
         context: &mut Context<'_>,
     ) -> Poll<Option<Result<Frame<Self::Data>, Status>>> {
         let polled = pin!(&mut self.body).poll_frame(context);
-        let bytes = match &polled {
-            Poll::Ready(Some(Ok(frame))) => frame.data_ref().map_or(0, |data| data.len()),
-            _ => 0,
+        let data = match &polled {
+            Poll::Ready(Some(Ok(frame))) => frame.data_ref().map_or(&[][..], |data| &data[..]),
+            _ => &[],
         };
+        let bytes = data.len();
+        if let Some(announced) = self.prefix.read(data) {
+            self.arriving.announce(announced);
+        }
         if self.arriving.poll_put_out(context) || (bytes > 0 && !self.arriving.take(bytes)) {
             let what = "too many messages are under way: try again later";
             let status = refuse(Code::ResourceExhausted, "BUSY", what);
@@ -207,6 +213,7 @@ where
         let request = request.map(|body| {
             Body::new(Metered {
                 body,
+                prefix: Prefix::default(),
                 arriving,
                 deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
             })
@@ -272,12 +279,13 @@ mod tests {
         let budget = Budget::default();
         let metered = |body| Metered {
             body: Body::new(body),
+            prefix: Prefix::default(),
             arriving: budget.message().0,
             deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
         };
         let mut slow = metered(Trickle {
             frames: 10_000,
-            bytes: 16,
+            data: vec![0; 16],
         });
         let began = Instant::now();
         let refused = loop {
@@ -294,21 +302,25 @@ mod tests {
         drop(slow);
         let (mut others, _share) = budget.message();
         assert!(others.take(limits::LONG_MESSAGES_BYTES_MAX));
-        let mut surplus = metered(Trickle {
-            frames: 1,
-            bytes: limits::SHORT_MESSAGE_BYTES_MAX + 1,
-        });
-        let frame = std::future::poll_fn(|context| pin!(&mut surplus).poll_frame(context)).await;
-        let Some(Err(refused)) = frame else {
-            panic!("it was read");
-        };
-        assert_eq!(refused.code(), Code::ResourceExhausted);
+        let long = vec![0; limits::SHORT_MESSAGE_BYTES_MAX + 1];
+        // One says at once that it will be 6 MiB long.
+        let announced = [0, 0, 0x60, 0, 0].to_vec();
+        for data in [long, announced] {
+            let mut surplus = metered(Trickle { frames: 1, data });
+            let frame =
+                std::future::poll_fn(|context| pin!(&mut surplus).poll_frame(context)).await;
+            let Some(Err(refused)) = frame else {
+                panic!("it was read");
+            };
+            assert_eq!(refused.code(), Code::ResourceExhausted);
+        }
     }
 
     /// A body whose frames are always there, until there are no more and it never ends.
     struct Trickle {
         frames: u32,
-        bytes: usize,
+        /// Of each.
+        data: Vec<u8>,
     }
 
     impl http_body::Body for Trickle {
@@ -322,7 +334,7 @@ mod tests {
             match self.frames.checked_sub(1) {
                 Some(left) => {
                     self.frames = left;
-                    Poll::Ready(Some(Ok(Frame::data(vec![0; self.bytes].into()))))
+                    Poll::Ready(Some(Ok(Frame::data(self.data.clone().into()))))
                 }
                 None => Poll::Pending,
             }

@@ -12,6 +12,7 @@
 pub mod admission;
 mod budget;
 pub(crate) mod guard;
+mod prefix;
 mod strangers;
 mod tokens;
 pub(crate) mod unread;
