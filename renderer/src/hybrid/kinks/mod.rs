@@ -1,5 +1,6 @@
 //! The shares of a tiling, tried on functions with kinks and edges whose integrals are closed forms.
 
+mod bumps;
 mod edges;
 mod rules;
 
