@@ -25,8 +25,8 @@ impl Bumps {
         let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
         let side = f64::from(SIDE);
         let bump = |_| {
-            // From the gaps between the nodes of a tile as large as the film to twice that, and from the tolerance to
-            // white.
+            // From a third of the widest gap between the nodes of a tile as large as the film to twice the film, and
+            // from the tolerance to white.
             let mut width = || 3.0 * libm::pow(2.0 * side / 3.0, uniform());
             let widths = [width(), width()];
             Bump {
