@@ -59,8 +59,8 @@ REPETITIONS_PROCESS = 3
 
 # The rung whose renderings, each with a seed of its own, are compared with the reference.
 EQUALITY_SAMPLES, EQUALITY_SEEDS = 64, 8
-# Where that does not look equal, as many renderings with so many samples decide: a path so rare and
-# bright that none of the eight has it shows in no noise of theirs.
+# A view that looks unequal is compared again, with as many renderings of so many samples. A path may
+# be so rare and bright that none of the first has it; then their noise does not show it.
 EQUALITY_SAMPLES_MANY = 4096
 # Renderings of another rung: more where they are short.
 LADDER_SEEDS = {1: 7, 4: 7, 16: 5}
@@ -312,7 +312,7 @@ def main() -> int:
     if arguments.cores:
         os.sched_setaffinity(0, arguments.cores)
     threads = arguments.threads or len(os.sched_getaffinity(0))
-    # With one thread Mitsuba waits for ever when it reads an EXR file, as materials come in.
+    # Materials come in EXR files, and with one thread Mitsuba never returns from reading one.
     dr.set_thread_count(max(2, threads))
     arguments.out.mkdir(parents=True, exist_ok=True)
 

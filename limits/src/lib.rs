@@ -107,9 +107,13 @@ pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 /// What of [`MESSAGES_BYTES_MAX`] messages longer than [`SHORT_MESSAGE_BYTES_MAX`] may take.
 pub const LONG_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX / 8 * 7;
 
+/// Bytes before each message of gRPC: whether it is compressed, and its length.
+pub const MESSAGE_PREFIX_BYTES: usize = 5;
+
 /// The longest message, bytes, that finds room where long ones have filled theirs: the longest that
-/// an operator sends, and gRPC's five bytes before it.
-pub const SHORT_MESSAGE_BYTES_MAX: usize = protocol::CONTROL_MESSAGE_BYTES_MAX + 5;
+/// an operator sends, with its prefix.
+pub const SHORT_MESSAGE_BYTES_MAX: usize =
+    protocol::CONTROL_MESSAGE_BYTES_MAX + MESSAGE_PREFIX_BYTES;
 
 /// Bytes of answers that nobody has read yet, of all connections together: room for a part of a mesh for
 /// each, so that a peer that has to go where there are more has asked for more than a worker does.

@@ -5,8 +5,8 @@
 //! stand or block a worker. Where that is full too, a short message has the longest one put out that
 //! is still arriving. So nobody keeps an operator out by sending uploads that never end.
 //!
-//! How long a message will be it says itself, in its first bytes. Who says too little counts as long
-//! from the byte on that is too much.
+//! A message says in its first bytes how long it will be. One that says too little counts as long as
+//! soon as more than `SHORT_MESSAGE_BYTES_MAX` of it has arrived.
 
 use limits::{LONG_MESSAGES_BYTES_MAX, MESSAGES_BYTES_MAX, SHORT_MESSAGE_BYTES_MAX};
 use std::{
@@ -43,7 +43,7 @@ pub(super) struct Arriving {
     number: u64,
     share: Arc<Share>,
     put_out: oneshot::Receiver<()>,
-    /// How long it said that it will be.
+    /// How long it says that it will be, bytes; 0 until that is known.
     announced: usize,
 }
 
@@ -92,7 +92,7 @@ impl Held {
 }
 
 impl Arriving {
-    /// It will be so long.
+    /// It says that it will be so long.
     pub fn announce(&mut self, bytes: usize) {
         self.announced = bytes;
     }

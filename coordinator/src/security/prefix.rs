@@ -4,7 +4,7 @@
 //! its length, the highest first ("Length-Prefixed-Message" in gRPC over HTTP/2). They may arrive in
 //! pieces.
 
-const BYTES: usize = 5;
+use limits::MESSAGE_PREFIX_BYTES as BYTES;
 
 /// What has arrived of them.
 #[derive(Default)]

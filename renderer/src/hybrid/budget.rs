@@ -45,8 +45,8 @@ const BULB_SHARE: f64 = 0.1;
 /// Where interreflection misses next to nothing, 0.5 would be below 1, too. The dearest materials would
 /// take a seventh less work. But one of 1,400 images of the preset then had a tile that was off by 2.5
 /// times the tolerance (material 6716, view 1): the light rose to the tile's side, and its coefficients and
-/// the one point that is looked at there did not show it. A quarter of the tests with kinks (`kinks`) fails,
-/// too.
+/// the one point that is looked at there did not show it. And with 0.5 a quarter of the tests of tiles
+/// (`kinks`) fails.
 const CHART_SHARE: f64 = 0.4;
 
 const _: () = assert!(

@@ -69,13 +69,13 @@ impl Shade for Bumps {
     }
 }
 
-/// Of 2.3 million pixels none is off by more than 0.64 of what it may be with eight terms and 0.70 with five. With half of
-/// the target instead of 0.4 of it, it would be 0.95 and 0.87: where bumps rise to a tile's side, the few points that are
-/// looked at there may all lie where the series crosses the function (material 6716 of the preset). With three other
-/// seeds none was off by more than 0.8 either, but up to 253 by more than they state.
+/// Of 2.3 million pixels none is off by more than 0.64 of what it may be with eight terms, and 0.70 with five. With
+/// half of the target instead of 0.4 of it, these would be 0.95 and 0.87: where bumps rise to a tile's side, the few
+/// points that are looked at there may all lie where the series crosses the function (material 6716 of the preset).
+/// With three other seeds no pixel was off by more than 0.8 either, but up to 253 by more than they state.
 #[test]
 fn bumps_are_off_by_no_more_than_stated() {
-    for (terms, worst) in [(Terms::Many, 0.8), (Terms::Few, 0.9)] {
+    for terms in [Terms::Many, Terms::Few] {
         let mut random = ChaCha8Rng::seed_from_u64(20_261_130);
         let film = Film {
             terms,
@@ -86,7 +86,7 @@ fn bumps_are_off_by_no_more_than_stated() {
             tally.add(&film, &Bumps::drawn(&mut random));
         }
         tally.expect_stated();
-        assert!(tally.worst < worst, "{terms:?}: {}", tally.worst);
+        assert!(tally.worst < 0.8, "{terms:?}: {}", tally.worst);
         assert!(
             tally.beyond_stated * 5_000 < tally.lit,
             "{terms:?}: {} of {}",

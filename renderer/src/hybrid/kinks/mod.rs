@@ -262,7 +262,8 @@ fn the_tip_of_a_disc_is_found() {
 
 /// Kinks at places and in directions that no tile knows; half of them run along the tiles' sides, where no
 /// averaging helps. The true error of each pixel is known in closed form. With these seeds 12 pixels of 77,800
-/// were off by more than the tolerance, by up to 1.3 times as much. With three others it was up to 2.1 times.
+/// were off by more than the tolerance, by up to 1.3 times as much. With three other seeds
+/// they were off by up to 2.1 times as much.
 #[test]
 fn kinks_are_off_by_no_more_than_stated() {
     for terms in [Terms::Many, Terms::Few] {
