@@ -110,7 +110,7 @@ impl Tolerance {
     #[inline(always)]
     pub fn points(self, widths: f64, more: f64) -> usize {
         let d = self.digits;
-        (0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more).ceil() as usize
+        rounded_up(0.2 + 0.31 * d + (0.6 + 0.115 * d) * widths + more)
     }
 
     /// A midpoint rule over all of a lobe. Points h widths apart miss about exp(-2 pi^2 / h^2) of a normal
@@ -150,7 +150,7 @@ impl Tolerance {
     /// 3 to 11 digits and falls of 0.1 to 26; `more` for what multiplies it.
     #[inline(always)]
     pub fn points_for_fall(self, falls: [f64; 2], more: f64) -> usize {
-        self.points_for_fall_exactly(falls, more).ceil() as usize
+        rounded_up(self.points_for_fall_exactly(falls, more))
     }
 
     /// The same before it is rounded up.

@@ -1,5 +1,6 @@
 //! Curves of the slope plane on which a linear function of the light's direction vanishes.
 
+use super::lanes::Lanes;
 use crate::numerics::batch::LANES;
 use crate::vector::Vec3;
 
@@ -41,24 +42,6 @@ impl Conic {
         conic
     }
 
-    /// This less `factor` times another.
-    pub fn less(&self, factor: f64, other: &Self) -> Self {
-        Self {
-            pp: self.pp - factor * other.pp,
-            pq: self.pq - factor * other.pq,
-            qq: self.qq - factor * other.qq,
-            p: self.p - factor * other.p,
-            q: self.q - factor * other.q,
-            one: self.one - factor * other.one,
-        }
-    }
-
-    /// Its value.
-    #[inline(always)]
-    pub fn value(&self, p: f64, q: f64) -> f64 {
-        self.one + q * (self.q + q * self.qq) + p * (self.p + self.pq * q + p * self.pp)
-    }
-
     /// The polynomials in p on lines of these q.
     #[inline(always)]
     pub fn on_lines(&self, q: &[f64; LANES]) -> Quadratics {
@@ -83,33 +66,126 @@ impl Conic {
         }
     }
 
-    /// The polynomials in q where its zero lies this far from p = 0, to either side; next to that, bends along p do
-    /// not count.
-    pub fn beside_axis(&self, distance: f64) -> [Quadratic; 2] {
-        let on_axis = self.on_axis();
-        [distance, -distance].map(|distance| Quadratic {
-            c0: on_axis.c0 + distance * self.p,
-            c1: on_axis.c1 + distance * self.pq,
-            ..on_axis
-        })
+    /// Its values at (0, q).
+    #[inline(always)]
+    pub fn values_on_axis(&self, q: &Lanes) -> Lanes {
+        let mut values = [0.0; LANES];
+        for i in 0..LANES {
+            values[i] = self.one + q[i] * (self.q + q[i] * self.qq);
+        }
+        values
+    }
+}
+
+/// Conics side by side, one a lane, near the line p = 0.
+pub struct Conics {
+    pq: Lanes,
+    qq: Lanes,
+    p: Lanes,
+    q: Lanes,
+    one: Lanes,
+}
+
+impl Conics {
+    /// One conic less each of these factors times another.
+    #[inline(always)]
+    pub fn less(conic: &Conic, factors: &Lanes, other: &Conic) -> Self {
+        Self {
+            pq: less(conic.pq, factors, other.pq),
+            qq: less(conic.qq, factors, other.qq),
+            p: less(conic.p, factors, other.p),
+            q: less(conic.q, factors, other.q),
+            one: less(conic.one, factors, other.one),
+        }
     }
 
-    /// The p of its zero nearest to p = 0 at q, about.
-    pub fn near_axis(&self, q: f64) -> f64 {
-        -(self.one + q * (self.q + q * self.qq)) / (self.p + self.pq * q)
+    /// Where they vanish on the line p = 0; infinite for each zero that there is not.
+    #[inline(always)]
+    pub fn zeros_on_axis(&self) -> [Lanes; 2] {
+        zeros(&self.one, &self.q, &self.qq)
     }
 
-    /// By how much its zero bends along p over this distance from q, at (0, q).
-    pub fn bend(&self, q: f64, distance: f64) -> f64 {
-        (self.qq * distance * distance / (self.p + self.pq * q)).abs()
+    /// Where their zeros lie this far from the line p = 0; next to that, bends along p do not count.
+    #[inline(always)]
+    pub fn zeros_beside_axis(&self, distance: f64) -> [Lanes; 2] {
+        let (mut c0, mut c1) = ([0.0; LANES], [0.0; LANES]);
+        for i in 0..LANES {
+            c0[i] = self.one[i] + distance * self.p[i];
+            c1[i] = self.q[i] + distance * self.pq[i];
+        }
+        zeros(&c0, &c1, &self.qq)
     }
 
-    /// How fast its zero moves along p with q, at (0, q): |dp/dq|, infinite where it runs along p.
-    pub fn drift(&self, q: f64) -> f64 {
-        let along = (self.p + self.pq * q).abs();
-        let across = (self.q + 2.0 * self.qq * q).abs();
-        if across == 0.0 { 0.0 } else { across / along }
+    /// The p of their zeros nearest to p = 0 at these q, about.
+    #[inline(always)]
+    pub fn near_axis(&self, q: &Lanes) -> Lanes {
+        let mut near = [0.0; LANES];
+        for i in 0..LANES {
+            let value = self.one[i] + q[i] * (self.q[i] + q[i] * self.qq[i]);
+            near[i] = -value / (self.p[i] + self.pq[i] * q[i]);
+        }
+        near
     }
+
+    /// By how much their zeros bend along p over these distances from q, at (0, q).
+    #[inline(always)]
+    pub fn bend(&self, q: &Lanes, distance: &Lanes) -> Lanes {
+        let mut bend = [0.0; LANES];
+        for i in 0..LANES {
+            let along = self.p[i] + self.pq[i] * q[i];
+            bend[i] = (self.qq[i] * distance[i] * distance[i] / along).abs();
+        }
+        bend
+    }
+
+    /// How fast their zeros move along p with q, at (0, q): |dp/dq|, infinite where they run along p.
+    #[inline(always)]
+    pub fn drift(&self, q: &Lanes) -> Lanes {
+        let mut drift = [0.0; LANES];
+        for i in 0..LANES {
+            let along = self.p[i] + self.pq[i] * q[i];
+            let across = self.q[i] + 2.0 * self.qq[i] * q[i];
+            // Where neither is anything the edge stands still. A choice of quotients would be a branch.
+            let along = if across == 0.0 { 1.0 } else { along };
+            drift[i] = (across / along).abs();
+        }
+        drift
+    }
+}
+
+/// A coefficient less each of these factors times another's.
+#[inline(always)]
+fn less(own: f64, factors: &Lanes, other: f64) -> Lanes {
+    let mut less = [0.0; LANES];
+    for i in 0..LANES {
+        less[i] = own - factors[i] * other;
+    }
+    less
+}
+
+/// The zeros of c0 + c1 x + c2 x^2; infinite for each that there is not.
+#[inline(always)]
+fn zeros(c0: &Lanes, c1: &Lanes, c2: &Lanes) -> [Lanes; 2] {
+    let mut zeros = [[0.0; LANES]; 2];
+    for i in 0..LANES {
+        let discriminant = c1[i] * c1[i] - 4.0 * c0[i] * c2[i];
+        // The sum that does not cancel; the other zero is the quotient of the two ends. Of a negative discriminant it
+        // is not a number.
+        let root = discriminant.sqrt();
+        let sum = -0.5 * (c1[i] + if c1[i] < 0.0 { -root } else { root });
+        let (one, other) = (c0[i] / sum, sum / c2[i]);
+        zeros[0][i] = if one.abs() < f64::INFINITY {
+            one
+        } else {
+            f64::INFINITY
+        };
+        zeros[1][i] = if other.abs() < f64::INFINITY {
+            other
+        } else {
+            f64::INFINITY
+        };
+    }
+    zeros
 }
 
 /// c0 + c1 x + c2 x^2.
@@ -219,6 +295,57 @@ impl Quadratics {
 mod tests {
     use super::*;
 
+    fn value(conic: &Conic, p: f64, q: f64) -> f64 {
+        conic.on_lines(&[q; LANES]).values(&[p; LANES])[0]
+    }
+
+    /// Conics that differ by the edge, and their zeros along p by a search.
+    #[test]
+    fn conics_side_by_side_are_near_the_axis_what_each_is() {
+        let wo = Vec3::new(0.3, -0.8, 0.52).normalized();
+        let along = Conic::of(Vec3::new(0.2, 0.7, -0.4), wo);
+        let depth = Conic::of(Vec3::new(-0.1, 0.5, 0.9), wo);
+        let lines: Lanes = std::array::from_fn(|i| 0.3 * i as f64 - 1.0);
+        let edges = Conics::less(&along, &lines, &depth);
+        let of_line =
+            |i: usize, p: f64, q: f64| value(&along, p, q) - lines[i] * value(&depth, p, q);
+        let (mut crossings, off) = (0, 1e-6);
+        for zeros in edges.zeros_on_axis() {
+            let (drift, far) = (edges.drift(&zeros), edges.bend(&zeros, &[off; LANES]));
+            let beside = zeros.map(|q| q + off);
+            let (moved, back) = (
+                edges.near_axis(&beside),
+                edges.near_axis(&zeros.map(|q| q - off)),
+            );
+            for i in 0..LANES {
+                if zeros[i].abs() > 3.0 {
+                    continue;
+                }
+                crossings += 1;
+                assert!(of_line(i, 0.0, zeros[i]).abs() < 1e-12, "{i}");
+                // Bends along p do not count.
+                let moved_by = off * (1.0 + drift[i]);
+                let left = of_line(i, moved[i], beside[i]).abs();
+                assert!(left < 5.0 * moved_by * moved_by, "{i}: {left} {}", drift[i]);
+                let rate = 0.5 * (moved[i] - back[i]).abs() / off;
+                assert!(
+                    (rate / drift[i] - 1.0).abs() < 1e-3,
+                    "{i}: {rate} {}",
+                    drift[i]
+                );
+                assert!(far[i] < 1e-6, "{i}: {}", far[i]);
+            }
+        }
+        assert!(crossings >= LANES, "{crossings}");
+        for distance in [1e-3, -1e-3] {
+            for zeros in edges.zeros_beside_axis(distance) {
+                for (i, q) in zeros.into_iter().enumerate().filter(|(_, q)| q.is_finite()) {
+                    assert!(of_line(i, distance, q).abs() < 2e-6, "{i}");
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_conic_is_the_linear_function_of_the_light() {
         let wo = Vec3::new(0.3, -0.8, 0.52).normalized();
@@ -228,16 +355,21 @@ mod tests {
             let half = Vec3::new(p, q, 1.0);
             let length2 = half.length_squared();
             let light = half * (2.0 * half.dot(wo)) - wo * length2;
-            assert!((conic.value(p, q) - m.dot(light)).abs() < 1e-14);
+            assert!((value(&conic, p, q) - m.dot(light)).abs() < 1e-14);
             let level = Conic::level(0.3, wo);
             let expected = light.z - 0.3 * length2;
-            assert!((level.value(p, q) - expected).abs() < 1e-14);
+            assert!((value(&level, p, q) - expected).abs() < 1e-14);
         }
     }
 
     #[test]
     fn zeros_keep_their_digits() {
-        let found = |c0, c1, c2| Quadratic { c0, c1, c2 }.zeros();
+        let found = |c0: f64, c1: f64, c2: f64| {
+            let alone = Quadratic { c0, c1, c2 }.zeros();
+            let beside = zeros(&[c0; LANES], &[c1; LANES], &[c2; LANES]);
+            assert_eq!(beside, alone.map(|zero| [zero; LANES]));
+            alone
+        };
         // (x - 1e-12)(x + 1)
         let [a, b] = found(-1e-12, 1.0 - 1e-12, 1.0);
         assert!((a / 1e-12 - 1.0).abs() < 1e-12 && (b + 1.0).abs() < 1e-12);

@@ -416,29 +416,26 @@ impl<'a> Block<'a> {
             }
         }
         let light = &point.glossy.light;
-        let counts = light.counts;
+        let (counts, parts) = (light.counts, light.parts);
+        let (pitch_per_gap, per_log) = (light.pitch_per_gap, light.per_log);
+        let [mut across, mut up] = positions;
         for i in 0..LANES {
-            positions[0][i] *= light.parts;
-            let up = positions[1][i];
-            let up = if up > 0.0 { up } else { 0.0 };
-            positions[1][i] = log1p(up * light.pitch_per_gap) * light.per_log;
+            across[i] *= parts;
+            up[i] = if up[i] > 0.0 { up[i] } else { 0.0 };
+            up[i] = log1p(up[i] * pitch_per_gap) * per_log;
         }
-        let mut cells = [0; LANES];
-        let mut within = [[0.0; LANES]; 2];
+        let [mut column, mut row, mut index] = [[0.0; LANES]; 3];
         for i in 0..LANES {
-            let [column, row] = [0, 1].map(|axis| cell(positions[axis][i], counts[axis]));
-            cells[i] = (row * counts[0] + column + ROUND).to_bits();
-            for (axis, low) in [column, row].into_iter().enumerate() {
-                let at = positions[axis][i] - low;
-                let at = if at > -1.0 { at } else { -1.0 };
-                within[axis][i] = if at < 2.0 { at } else { 2.0 };
-            }
+            column[i] = cell(across[i], counts[0]);
+            row[i] = cell(up[i], counts[1]);
+            index[i] = row[i] * counts[0] + column[i] + ROUND;
         }
-        let cells = cells.map(|bits| (bits - ROUND.to_bits()) as usize);
+        let (across, up) = (within(&across, &column), within(&up, &row));
+        let cells = index.map(|index| (index.to_bits() - ROUND.to_bits()) as usize);
         // Four channels of a line are a vector.
         let mut by_line = [[0.0; CHANNELS]; LANES];
         for i in 0..LANES {
-            by_line[i] = light_cells::value(&light.cells[cells[i]], [within[0][i], within[1][i]]);
+            by_line[i] = light_cells::value(&light.cells[cells[i]], [across[i], up[i]]);
         }
         let mut light = [[0.0; LANES]; 3];
         for channel in 0..3 {
@@ -448,4 +445,16 @@ impl<'a> Block<'a> {
         }
         light
     }
+}
+
+/// Positions within their cells, 0 to 1; no farther out than a cell beyond.
+#[inline(always)]
+fn within(positions: &Lanes, cells: &Lanes) -> Lanes {
+    let mut within = [0.0; LANES];
+    for i in 0..LANES {
+        let at = positions[i] - cells[i];
+        let at = if at > -1.0 { at } else { -1.0 };
+        within[i] = if at < 2.0 { at } else { 2.0 };
+    }
+    within
 }

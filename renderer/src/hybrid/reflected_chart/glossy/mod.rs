@@ -20,6 +20,7 @@ mod lanes;
 mod light_cells;
 mod line;
 mod moments;
+mod near_axis;
 mod passages;
 mod point;
 mod seen;
@@ -53,7 +54,7 @@ impl GlossyChart<'_> {
         let radiance = std::array::from_fn(|channel| {
             scale * response.at_moments(sums.fresnel[channel], sums.excess[channel])[channel]
         });
-        let gathered = self.corners.len() / CORNERS_AN_EVALUATION + scratch.ends();
+        let gathered = self.corners.count() / CORNERS_AN_EVALUATION + scratch.ends();
         (radiance, sums.evaluations + gathered as u32)
     }
 }
@@ -64,6 +65,7 @@ mod tests {
     use crate::geometry::BackendChoice;
     use crate::hybrid::PreparedView;
     use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
+    use crate::numerics::batch::LANES;
     use crate::numerics::channels::largest_difference;
     use crate::reflectance::Reflectance;
     use crate::scene::Scene;
@@ -113,6 +115,47 @@ mod tests {
             dark += usize::from(fresh.0 == [0.0; 3]);
         });
         assert!(dark > 10, "{dark}");
+    }
+
+    /// Off a lobe that is a mirror along one axis, what a line along the other sees changes from patch to patch. Each
+    /// change has to be the end of a piece, or in a passage.
+    #[test]
+    fn every_edge_on_the_wide_axis_is_an_end_or_in_a_passage() {
+        const STEPS: u32 = 2_000;
+        let (mut passages, mut ends, mut changes) = (Vec::new(), Vec::new(), 0);
+        for_each_point(416, &[0, 5, 12], |glossy, at, (position, wo), tolerance| {
+            let point = Point::new(glossy, position, wo, 2.0, tolerance);
+            let [low, high] = point.extent();
+            if low >= high {
+                return;
+            }
+            point.find_ends([low, high], &mut passages, &mut ends);
+            let patch_at = |q: f64| {
+                let [across, up, depth] = [&point.across, &point.up, &point.depth]
+                    .map(|conic| conic.values_on_axis(&[q; LANES])[0]);
+                let is_on = |along: f64, count: f64| along >= 0.0 && along < count * depth;
+                let is_seen =
+                    depth > 0.0 && is_on(across, point.counts[0]) && is_on(up, point.counts[1]);
+                is_seen.then(|| [across, up].map(|along| (along / depth).floor()))
+            };
+            let step = (high - low) / f64::from(STEPS);
+            for index in 0..STEPS {
+                let from = low + step * f64::from(index);
+                if patch_at(from) == patch_at(from + step) {
+                    continue;
+                }
+                changes += 1;
+                let is_end = ends
+                    .iter()
+                    .any(|end| end.kink && end.q >= from && end.q <= from + step);
+                let in_passage = passages.iter().any(|passage| {
+                    let inside = from <= passage.middle && passage.middle <= from + step;
+                    inside || passage.covers(from) || passage.covers(from + step)
+                });
+                assert!(is_end || in_passage, "{at:?}: q = {from}");
+            }
+        });
+        assert!(changes > 3_000, "{changes}");
     }
 
     /// What rules of some levels are off by, over the brightest light, at most, of a material in a view: each against

@@ -10,9 +10,9 @@
 //! - [`Passage::RULE`] is exact for that term and for the first of the edge's bend, so it misses terms in
 //!   1 / rate^3.
 
-use super::conic::Conic;
+use super::near_axis::{find_corners, find_passages};
 use super::point::Point;
-use crate::hybrid::budget::glossy::{BENT, CORNER_DIGITS, PASSAGE, STEP};
+use crate::hybrid::budget::glossy::{CORNER_DIGITS, PASSAGE};
 
 /// An edge of patches that passes through the lobe along the wide axis.
 #[derive(Clone, Copy, Debug)]
@@ -22,7 +22,7 @@ pub struct Passage {
     /// Widths of the lobe along p that it passes a unit of q, at most.
     pub rate: f64,
     /// How far it goes on to either side of the middle.
-    half: f64,
+    pub(super) half: f64,
 }
 
 impl Passage {
@@ -46,7 +46,7 @@ impl Passage {
     }
 
     /// Whether the rule of three lines misses no more than a tolerance.
-    fn has_rule(&self, point: &Point<'_>) -> bool {
+    pub(super) fn has_rule(&self, point: &Point<'_>) -> bool {
         let slow = self.slowness(point.per_wide_width);
         slow * slow * slow < point.error
     }
@@ -69,7 +69,7 @@ pub struct End {
 }
 
 impl End {
-    fn kink(q: f64) -> Self {
+    pub(super) fn kink(q: f64) -> Self {
         Self {
             q,
             kink: true,
@@ -84,128 +84,13 @@ impl Point<'_> {
     pub fn find_ends(&self, extent: [f64; 2], passages: &mut Vec<Passage>, ends: &mut Vec<End>) {
         passages.clear();
         ends.clear();
-        self.find_passages(extent, passages, ends);
+        find_passages(self.glossy.instructions, self, extent, passages, ends);
         self.find_kinks(extent, ends);
         let [low, high] = extent;
         ends.retain(|end| end.q > low && end.q < high);
         ends.extend(extent.map(End::kink));
         ends.sort_unstable_by(|a, b| a.q.total_cmp(&b.q));
         self.take_steps(passages, ends);
-    }
-
-    /// Finds where edges of patches pass through the lobe, and where pieces may end for them.
-    fn find_passages(
-        &self,
-        [low, high]: [f64; 2],
-        passages: &mut Vec<Passage>,
-        ends: &mut Vec<End>,
-    ) {
-        let plane = &self.glossy.plane;
-        let counts = [plane.columns, plane.rows];
-        let along = [&self.across, &self.up];
-        for axis in 0..2 {
-            let most = f64::from(counts[1 - axis]) + 1.0;
-            let is_seen = |q: f64| {
-                let depth = self.depth.value(0.0, q);
-                let other = along[1 - axis].value(0.0, q);
-                q > low && q < high && depth > 0.0 && other > -depth && other < most * depth
-            };
-            for line in 0..=counts[axis] {
-                let edge = along[axis].less(f64::from(line), &self.depth);
-                for middle in edge.on_axis().zeros() {
-                    if is_seen(middle) {
-                        self.find_crossing(&edge, middle, passages, ends);
-                    }
-                }
-                if self.may_bend(&edge, [low, high]) {
-                    self.find_bent(&edge, [low, high], is_seen, passages, ends);
-                }
-            }
-        }
-    }
-
-    /// Finds the passage of an edge that crosses the axis at `middle`, if it is nearly straight.
-    fn find_crossing(
-        &self,
-        edge: &Conic,
-        middle: f64,
-        passages: &mut Vec<Passage>,
-        ends: &mut Vec<End>,
-    ) {
-        let (per_width, wide) = self.widths();
-        let rate = edge.drift(middle) * per_width;
-        let half = PASSAGE / rate;
-        if half < STEP * wide {
-            ends.push(End::kink(middle));
-        } else if rate * wide > 1.0 && !self.is_bent(edge, middle) {
-            let passage = Passage { middle, rate, half };
-            let index = passage.has_rule(self).then_some(passages.len());
-            passages.push(passage);
-            ends.extend([middle - half, middle + half].map(|q| End {
-                q,
-                kink: false,
-                passage: index,
-            }));
-        }
-    }
-
-    /// Widths of the lobe along p for a unit of slope, and the lobe's width along q.
-    fn widths(&self) -> (f64, f64) {
-        let lobe = &self.glossy.reflectance.lobe;
-        (lobe.n_u.sqrt(), 1.0 / self.per_wide_width)
-    }
-
-    /// Whether an edge bends within its passage at `middle`.
-    fn is_bent(&self, edge: &Conic, middle: f64) -> bool {
-        let (per_width, _) = self.widths();
-        let half = PASSAGE / (edge.drift(middle) * per_width);
-        edge.bend(middle, half) * per_width > BENT * PASSAGE
-    }
-
-    /// Whether an edge bends within the lobe at all.
-    fn may_bend(&self, edge: &Conic, [low, high]: [f64; 2]) -> bool {
-        let (per_width, _) = self.widths();
-        let bend = |q| edge.bend(q, high.max(-low)) * per_width;
-        bend(low).max(bend(high)) > BENT * PASSAGE
-    }
-
-    /// Finds the passages of an edge that bends: it may turn back before it crosses the axis, or after.
-    fn find_bent(
-        &self,
-        edge: &Conic,
-        [low, high]: [f64; 2],
-        is_seen: impl Fn(f64) -> bool,
-        passages: &mut Vec<Passage>,
-        ends: &mut Vec<End>,
-    ) {
-        let (per_width, wide) = self.widths();
-        let crossings = edge.on_axis().zeros();
-        let [[a, b], [c, d]] = edge.beside_axis(PASSAGE / per_width).map(|one| one.zeros());
-        let mut bounds = [a, b, c, d];
-        bounds.sort_unstable_by(f64::total_cmp);
-        for pair in bounds.windows(2) {
-            let (from, to) = (pair[0].max(low), pair[1].min(high));
-            let middle = 0.5 * (from + to);
-            let is_passage = from < to && edge.near_axis(middle).abs() * per_width < PASSAGE;
-            if !(is_passage && [from, middle, to].into_iter().any(&is_seen)) {
-                continue;
-            }
-            let is_straight =
-                |&crossing: &f64| from < crossing && crossing < to && !self.is_bent(edge, crossing);
-            let rate = edge.drift(from).max(edge.drift(to)) * per_width;
-            if rate * wide > 1.0 && !crossings.iter().any(is_straight) {
-                passages.push(Passage {
-                    middle,
-                    rate,
-                    half: 0.5 * (to - from),
-                });
-                ends.extend([from, to].map(|q| End {
-                    q,
-                    kink: false,
-                    passage: None,
-                }));
-            }
-        }
     }
 
     /// Finds where the integral over p has a kink.
@@ -216,16 +101,7 @@ impl Point<'_> {
             .levels()
             .flat_map(|level| level.on_axis().zeros());
         ends.extend(levels.filter(|&q| q > low && q < high).map(End::kink));
-        // The lobe is nowhere wider than at the farther end: most corners are out of reach even of that.
-        let farthest = reach / self.widths_per_slope(high.max(-low));
-        for corner in &self.glossy.corners {
-            let half = self.wo + (*corner - self.position).normalized();
-            let [p, q] = [half.x / half.z, half.y / half.z];
-            let may_show = q > low && q < high && p.abs() <= farthest;
-            if may_show && p.abs() * self.widths_per_slope(q) < reach {
-                ends.push(End::kink(q));
-            }
-        }
+        find_corners(self.glossy.instructions, self, [low, high], reach, ends);
     }
 
     /// Takes passages for steps where that misses little and no line beside them lies in them. Leaves to

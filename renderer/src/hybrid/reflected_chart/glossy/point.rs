@@ -9,6 +9,7 @@ use crate::hybrid::budget::glossy::{
     CONSTANT_EXPONENT, CORNERS_MAX, PARABOLA_EXPONENT, QUARTIC_EXPONENT, TAIL_DIGITS,
 };
 use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
+use crate::numerics::batch::Batch;
 use crate::numerics::elementary::log1p;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
@@ -29,7 +30,7 @@ pub struct GlossyChart<'a> {
     corner: Vec3,
     axes: [Vec3; 3],
     /// The corners of patches in the lobe's frame; none if there are too many.
-    pub(super) corners: Vec<Vec3>,
+    pub(super) corners: Batch<3>,
     /// Rectangles of patches that may show by themselves, in the lobe's frame.
     pub(super) groups: Vec<Corners>,
     /// The light on it.
@@ -47,14 +48,15 @@ impl<'a> GlossyChart<'a> {
         let plane = chart.whole_plane();
         let per_pitch = 1.0 / plane.pitch;
         let [columns, rows] = [plane.columns, plane.rows].map(|count| count + 1);
-        let corners = if (columns * rows) as usize <= CORNERS_MAX {
-            (0..rows)
-                .flat_map(|row| (0..columns).map(move |column| [column, row].map(f64::from)))
-                .map(|[a, b]| lobe.to_lobe(plane.point(a * plane.pitch, b * plane.pitch)))
-                .collect()
-        } else {
-            Vec::new()
-        };
+        let mut corners = Batch::default();
+        if (columns * rows) as usize <= CORNERS_MAX {
+            for row in 0..rows {
+                for column in 0..columns {
+                    let [a, b] = [column, row].map(|index| f64::from(index) * plane.pitch);
+                    corners.push(lobe.to_lobe(plane.point(a, b)).into());
+                }
+            }
+        }
         let colours: Vec<_> = (0..(plane.columns * plane.rows) as usize)
             .map(|index| {
                 let [column, row] = plane.cell(index).map(|index| index * chart.parts);

@@ -160,7 +160,7 @@ impl Point<'_> {
     ///
     /// Light is above the horizon in a disc of the slope plane about wo's tangents, which holds the
     /// origin. Over the p that the lobe reaches it is widest nearest its middle.
-    fn extent(&self) -> [f64; 2] {
+    pub(super) fn extent(&self) -> [f64; 2] {
         let lobe = &self.glossy.reflectance.lobe;
         let reach = self.tolerance.reach(lobe.n_v, TAIL_DIGITS);
         let per_height = 1.0 / self.wo.z;
