@@ -6,7 +6,7 @@
 
 use super::conic::Quadratics;
 use super::lanes::{Cuts, Lanes, cell, patches, sort};
-use super::light_cells::{self, CHANNELS};
+use super::light_cells::{self, CHANNELS, LightCells};
 use super::moments::{self, Moments, Nodes, Order, TABLE_END, Table};
 use super::point::Point;
 use super::seen::{BEYOND, HIGH, LOW, PARTS, Seen};
@@ -348,39 +348,38 @@ impl<'a> Block<'a> {
     ) {
         let [middle, unit] = self.frame(order, seen);
         seen.move_to(&middle, &unit);
-        let (lobe, wo) = (&point.glossy.reflectance.lobe, point.wo);
-        let exponents = [lobe.n_u, lobe.n_v];
-        let per_viewer = 1.0 / wo.z;
-        let (ior, knee) = (point.branches.ior, point.branches.knee);
         let [mut width, mut scale] = [[0.0; LANES]; 2];
         for i in 0..LANES {
             width[i] = 1.0 / self.per_width[i];
             scale[i] = weight[i] * width[i];
         }
+        // Each step is taken at all points of the lines before the next one: chains of operations that wait for each
+        // other run side by side.
+        let [mut p, mut density] = [[[0.0; LANES]; N]; 2];
         for k in 0..N {
-            let [mut p, mut density] = [[0.0; LANES]; 2];
             for i in 0..LANES {
                 let z = middle[i] + unit[i] * order.nodes[k];
-                p[i] = z * width[i];
-                density[i] = 0.5 * z * z;
+                p[k][i] = z * width[i];
+                density[k][i] = 0.5 * z * z;
             }
-            let light = self.light(point, &p, seen);
-            let [mut value, mut shade, mut beyond] = [[0.0; LANES]; 3];
-            for i in 0..LANES {
-                // The density's own fall is in the moments.
-                let [lobe, cos_i] =
-                    specular::at_slopes(exponents, &wo, [p[i], self.q[i]], density[i]);
-                let lobe = scale[i] * lobe;
-                // Points that a piece is told by can lie beyond it, and below the horizon.
-                let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
-                let fresnel = fresnel::reflectance(cos_i, ior);
-                value[i] = lobe * fresnel;
-                beyond[i] = lobe * (fresnel - knee);
-                shade[i] = cos_i * per_viewer;
-            }
-            let polynomial = &order.polynomials[k];
+        }
+        let mut factors = [Factors::default(); N];
+        for k in 0..N {
+            factors[k] = self.factors(point, [&p[k], &density[k]], &scale);
+        }
+        let mut places = [Places::default(); N];
+        for k in 0..N {
+            places[k] = self.places(point, &p[k], &seen.middle);
+        }
+        for k in 0..N {
+            let light = places[k].light(&point.glossy.light);
+            let Factors {
+                value,
+                beyond,
+                shade,
+            } = &factors[k];
             for channel in 0..3 {
-                let parts = seen.at(channel, polynomial);
+                let parts = seen.at(channel, &order.polynomials[k]);
                 for i in 0..LANES {
                     let all = parts[HIGH][i] + shade[i] * parts[LOW][i];
                     sums.fresnel[channel][i] += value[i] * light[channel][i] * all;
@@ -395,55 +394,107 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// The light on the chart where it is seen at a p of each line. It is a smooth function of the
-    /// position, told beyond the chart's edges by the outer patches.
+    /// What multiplies the density and the light at a p of each line. The density's own fall is in the moments.
     #[inline(always)]
-    fn light<const N: usize>(&self, point: &Point<'_>, p: &Lanes, seen: &Seen<N>) -> [Lanes; 3] {
-        let depth = self.depth.values(p);
-        let mut positions = [0, 1].map(|axis| self.positions[axis].values(p));
-        let mut per_depth = [0.0; LANES];
+    fn factors(&self, point: &Point<'_>, [p, density]: [&Lanes; 2], scale: &Lanes) -> Factors {
+        let (lobe, wo) = (&point.glossy.reflectance.lobe, point.wo);
+        let exponents = [lobe.n_u, lobe.n_v];
+        let per_viewer = 1.0 / wo.z;
+        let (ior, knee) = (point.branches.ior, point.branches.knee);
+        let mut factors = Factors::default();
         for i in 0..LANES {
-            per_depth[i] = 1.0 / depth[i];
+            let [lobe, cos_i] = specular::at_slopes(exponents, &wo, [p[i], self.q[i]], density[i]);
+            let lobe = scale[i] * lobe;
+            // Points that a piece is told by can lie beyond it, and below the horizon.
+            let cos_i = if cos_i > 0.0 { cos_i } else { 0.0 };
+            let fresnel = fresnel::reflectance(cos_i, ior);
+            factors.value[i] = lobe * fresnel;
+            factors.beyond[i] = lobe * (fresnel - knee);
+            factors.shade[i] = cos_i * per_viewer;
         }
-        for axis in 0..2 {
-            for i in 0..LANES {
-                let at = positions[axis][i] * per_depth[i];
-                positions[axis][i] = if depth[i] > 0.0 {
-                    at
-                } else {
-                    seen.middle[axis][i]
-                };
-            }
-        }
+        factors
+    }
+
+    /// Where the chart is seen at a p of each line; where it is not, at `middle`. The light there is a smooth function
+    /// of the position, told beyond the chart's edges by the outer patches.
+    #[inline(always)]
+    fn places(&self, point: &Point<'_>, p: &Lanes, middle: &[Lanes; 2]) -> Places {
+        let depth = self.depth.values(p);
+        let (mut across, mut up) = (self.positions[0].values(p), self.positions[1].values(p));
         let light = &point.glossy.light;
         let (counts, parts) = (light.counts, light.parts);
         let (pitch_per_gap, per_log) = (light.pitch_per_gap, light.per_log);
-        let [mut across, mut up] = positions;
+        for i in 0..LANES {
+            let per_depth = 1.0 / depth[i];
+            let shows = depth[i] > 0.0;
+            across[i] = if shows {
+                across[i] * per_depth
+            } else {
+                middle[0][i]
+            };
+            up[i] = if shows {
+                up[i] * per_depth
+            } else {
+                middle[1][i]
+            };
+        }
         for i in 0..LANES {
             across[i] *= parts;
             up[i] = if up[i] > 0.0 { up[i] } else { 0.0 };
             up[i] = log1p(up[i] * pitch_per_gap) * per_log;
         }
-        let [mut column, mut row, mut index] = [[0.0; LANES]; 3];
+        let [mut column, mut row, mut cells] = [[0.0; LANES]; 3];
         for i in 0..LANES {
             column[i] = cell(across[i], counts[0]);
             row[i] = cell(up[i], counts[1]);
-            index[i] = row[i] * counts[0] + column[i] + ROUND;
+            cells[i] = row[i] * counts[0] + column[i] + ROUND;
         }
-        let (across, up) = (within(&across, &column), within(&up, &row));
-        let cells = index.map(|index| (index.to_bits() - ROUND.to_bits()) as usize);
+        Places {
+            cells,
+            across: within(&across, &column),
+            up: within(&up, &row),
+        }
+    }
+}
+
+/// What multiplies the density and the light at a point of each line.
+#[derive(Clone, Copy, Default)]
+struct Factors {
+    /// The lobe times Fresnel's reflectance.
+    value: Lanes,
+    /// The lobe times what that exceeds the tint's knee by.
+    beyond: Lanes,
+    /// The light's cosine over the viewer's.
+    shade: Lanes,
+}
+
+/// Places on the chart, one of each line.
+#[derive(Clone, Copy, Default)]
+struct Places {
+    /// The numbers of the cells of light, and [`ROUND`].
+    cells: Lanes,
+    /// The positions in these cells.
+    across: Lanes,
+    up: Lanes,
+}
+
+impl Places {
+    /// The light there, by channel.
+    #[inline(always)]
+    fn light(&self, light: &LightCells) -> [Lanes; 3] {
         // Four channels of a line are a vector.
         let mut by_line = [[0.0; CHANNELS]; LANES];
         for i in 0..LANES {
-            by_line[i] = light_cells::value(&light.cells[cells[i]], [across[i], up[i]]);
+            let cell = (self.cells[i].to_bits() - ROUND.to_bits()) as usize;
+            by_line[i] = light_cells::value(&light.cells[cell], [self.across[i], self.up[i]]);
         }
-        let mut light = [[0.0; LANES]; 3];
+        let mut by_channel = [[0.0; LANES]; 3];
         for channel in 0..3 {
             for i in 0..LANES {
-                light[channel][i] = by_line[i][channel];
+                by_channel[channel][i] = by_line[i][channel];
             }
         }
-        light
+        by_channel
     }
 }
 
