@@ -1,13 +1,13 @@
 //! Edges, tried wherever they may lie.
 
-use super::{Exact, Film, NO_LIMIT, Ramps, Tally, direction};
+use super::{Exact, Film, NO_LIMIT, Ramps, Tally, direction, seeded};
 use crate::film::demand::Terms;
 use crate::film::tile_nodes::{MANY, layout};
 use crate::film::tiling::Shade;
 use crate::numerics::polygon::Polygon;
 use crate::numerics::tolerance::Tolerance;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::Rng;
 
 /// 1, and more beyond a straight line.
 #[derive(Clone, Copy)]
@@ -151,7 +151,7 @@ fn tally<E: Exact>(
     (terms, evaluations_max): (Terms, u64),
     mut drawn: impl FnMut(&mut ChaCha8Rng) -> E,
 ) -> Tally {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_126);
+    let mut random = seeded(20_261_126);
     let film = film(side, square(side), terms, evaluations_max);
     let mut tally = Tally::default();
     for _ in 0..(20_000.0 / side) as u32 {
@@ -248,7 +248,7 @@ fn two_edges_are_stated_but_for_few() {
 /// times what they may be off by.
 #[test]
 fn an_edge_beside_an_outline_is_stated() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_128);
+    let mut random = seeded(20_261_128);
     let sides = [1.0, 2.0, 3.0, 5.0, 8.0];
     for (terms, side) in TERMS
         .into_iter()

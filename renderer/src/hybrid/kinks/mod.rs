@@ -1,4 +1,19 @@
 //! The shares of a tiling, tried on functions with kinks and edges whose integrals are closed forms.
+//!
+//! What the tests demand holds for their seeds, so that a change shows. These functions are made to be hard, and other
+//! seeds show what is rarer: with `BRDFARM_KINKS=N` in the environment N is added to each. Of 72 million pixels with
+//! N = 0, 1000, ..., 7000 these were off by more than they state and the tolerance:
+//!
+//! | function | pixels | by up to, times |
+//! | --- | --- | --- |
+//! | two parallel edges through a third of a pixel | one in 1,600 | 2.7 |
+//! | the same through 1.2 pixels | one in 11,000 | 3.7 |
+//! | the same through larger tiles | one in 490,000 | 1.9 |
+//! | four kinks, half of them along the tiles' sides | one in 29,000 | 2.1 |
+//! | smooth bumps, from a third of the widest gap between nodes on | one in 320,000 | 1.5 |
+//! | an edge in a pixel that an outline cuts | one in 1,400,000 | 1.2 |
+//! | rules that miss in a corner of a pixel | one in 32,000 | 1.1 |
+//! | one edge; other rules; the tip of a disc | none | |
 
 mod bumps;
 mod edges;
@@ -17,6 +32,14 @@ use crate::numerics::tolerance::Tolerance;
 use dataset::specification::Accuracy;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+
+/// Random numbers of a test's seed: see above.
+fn seeded(seed: u64) -> ChaCha8Rng {
+    let more = std::env::var("BRDFARM_KINKS").map_or(0, |more| {
+        more.parse().expect("BRDFARM_KINKS is a whole number")
+    });
+    ChaCha8Rng::seed_from_u64(seed + more)
+}
 
 const SIDE: u32 = 48;
 
@@ -229,7 +252,7 @@ impl Tally {
 #[test]
 fn the_tip_of_a_disc_is_found() {
     let side = f64::from(SIDE);
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_130);
+    let mut random = seeded(20_261_130);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let mut tally = Tally::default();
     for _ in 0..400 {
@@ -262,12 +285,11 @@ fn the_tip_of_a_disc_is_found() {
 
 /// Kinks at places and in directions that no tile knows; half of them run along the tiles' sides, where no
 /// averaging helps. The true error of each pixel is known in closed form. With these seeds 12 pixels of 77,800
-/// were off by more than the tolerance, by up to 1.3 times as much. With three other seeds
-/// they were off by up to 2.1 times as much.
+/// were off by more than the tolerance, by up to 1.3 times as much.
 #[test]
 fn kinks_are_off_by_no_more_than_stated() {
     for terms in [Terms::Many, Terms::Few] {
-        let mut random = ChaCha8Rng::seed_from_u64(20_261_123);
+        let mut random = seeded(20_261_123);
         let side = f64::from(SIDE);
         let film = Film {
             side: SIDE,

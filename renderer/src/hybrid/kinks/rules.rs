@@ -1,12 +1,12 @@
 //! Rules that miss more than they show, of which the true value is known.
 
 use super::edges::Step;
-use super::{Exact, FIRST_RULE, Film, Tally, whole_film};
+use super::{Exact, FIRST_RULE, Film, Tally, seeded, whole_film};
 use crate::film::tiling::Shade;
 use crate::numerics::polygon::Polygon;
 use crate::numerics::tolerance::Tolerance;
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::Rng;
 
 /// A tenth of white by rules that miss a share of it at one side of the film, and converge slowly: each misses most of
 /// what the one before it does, but the last two nothing.
@@ -192,7 +192,7 @@ fn rules_that_agree_once_they_are_refined_are_found_out() {
 #[test]
 fn a_rule_that_converges_slowly_is_found_out() {
     let film = whole_film();
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_127);
+    let mut random = seeded(20_261_127);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let mut tally = Tally::default();
     for _ in 0..60 {
@@ -216,7 +216,7 @@ fn a_rule_that_converges_slowly_is_found_out() {
 /// uneven: their corners were not looked at (draw 1663 of seed 20261150).
 #[test]
 fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_132);
+    let mut random = seeded(20_261_132);
     let film = one_pixel();
     let mut tally = Tally::default();
     for index in 0..4_000 {
@@ -240,7 +240,7 @@ fn a_rule_that_misses_in_a_corner_of_a_pixel_is_found_out() {
 /// long as the other one's rules do not agree by chance.
 #[test]
 fn the_kind_of_rule_that_converges_is_believed() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_130);
+    let mut random = seeded(20_261_130);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let film = whole_film();
     let mut tallies = [Tally::default(), Tally::default()];
@@ -292,7 +292,7 @@ fn with_a_wrong_kind(uniform: &mut impl FnMut() -> f64) -> TwoKinds<4> {
 /// 1783 of seed 20261151 of the search).
 #[test]
 fn the_finest_rule_states_what_the_other_kind_tells() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_151);
+    let mut random = seeded(20_261_151);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let film = whole_film();
     let mut tally = Tally::default();
@@ -305,7 +305,7 @@ fn the_finest_rule_states_what_the_other_kind_tells() {
 /// The same on pixels with an edge, where only a corner asks for finer rules than the first.
 #[test]
 fn the_rule_of_a_pixel_states_what_the_other_kind_tells() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_152);
+    let mut random = seeded(20_261_152);
     let film = one_pixel();
     let mut tally = Tally::default();
     for _ in 0..2_000 {
@@ -325,7 +325,7 @@ fn the_rule_of_a_pixel_states_what_the_other_kind_tells() {
 /// what they differ by is not far below what may be missed.
 #[test]
 fn rules_that_agree_by_chance_are_found_out() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_131);
+    let mut random = seeded(20_261_131);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let film = whole_film();
     let mut tally = Tally::default();
@@ -346,7 +346,7 @@ fn rules_that_agree_by_chance_are_found_out() {
 /// several times what it differs from its neighbour by (draw 1929 of seed 20261132 of the search).
 #[test]
 fn the_finest_of_slow_polynomials_states_what_it_misses() {
-    let mut random = ChaCha8Rng::seed_from_u64(20_261_132);
+    let mut random = seeded(20_261_132);
     let mut uniform = || f64::from(random.next_u32()) / f64::from(u32::MAX);
     let film = whole_film();
     let mut tally = Tally::default();

@@ -71,22 +71,34 @@ mod tests {
     use crate::scene::Scene;
     use dataset::Specification;
 
+    /// The preset with a chart of other patches on the same plane.
+    fn with_patches(columns: u32, rows: u32) -> Specification {
+        let mut specification = Specification::preset();
+        let checker = &mut specification.checker;
+        checker.pitch_m *= f64::from(checker.columns) / f64::from(columns);
+        (checker.columns, checker.rows) = (columns, rows);
+        checker.patches_srgb8 = (0..columns * rows)
+            .map(|index| [(37 * index % 256) as u8; 3])
+            .collect();
+        specification
+    }
+
     /// Calls `visit` with a chart off a material of the preset in some views, and with the points of a grid on the film
     /// at which the sample shows: position, viewer, and the tolerance of the first rule.
     fn for_each_point(
+        specification: &Specification,
         material: u32,
         views: &[usize],
         mut visit: impl FnMut(&GlossyChart<'_>, [f64; 2], (Vec3, Vec3), Tolerance),
     ) {
-        let specification = Specification::preset();
         let material = specification.material(material).material;
         for &view in views {
-            let scene = Scene::new(&specification, view, BackendChoice::Native)
+            let scene = Scene::new(specification, view, BackendChoice::Native)
                 .expect("a backend")
                 .expect("a scene");
             let rotation = specification.views[view].rotation_deg;
             let reflectance = Reflectance::new(&material, rotation, specification.tint);
-            let prepared = PreparedView::new(&scene, &specification).expect("a view for hybrid");
+            let prepared = PreparedView::new(&scene, specification).expect("a view for hybrid");
             let Some(chart) = prepared.chart.as_ref() else {
                 continue;
             };
@@ -108,71 +120,122 @@ mod tests {
     #[test]
     fn a_point_does_not_depend_on_the_one_before() {
         let (mut used, mut dark) = (Scratch::default(), 0);
-        for_each_point(416, &[0, 5, 12], |glossy, at, (position, wo), tolerance| {
-            let again = glossy.reflected(position, wo, tolerance, &mut used);
-            let fresh = glossy.reflected(position, wo, tolerance, &mut Scratch::default());
-            assert_eq!(again, fresh, "{at:?}");
-            dark += usize::from(fresh.0 == [0.0; 3]);
-        });
+        let preset = Specification::preset();
+        let views = [0, 5, 12];
+        for_each_point(
+            &preset,
+            416,
+            &views,
+            |glossy, at, (position, wo), tolerance| {
+                let again = glossy.reflected(position, wo, tolerance, &mut used);
+                let fresh = glossy.reflected(position, wo, tolerance, &mut Scratch::default());
+                assert_eq!(again, fresh, "{at:?}");
+                dark += usize::from(fresh.0 == [0.0; 3]);
+            },
+        );
         assert!(dark > 10, "{dark}");
     }
 
+    /// The patch that a point of the wide axis shows, by column and row; `None` beyond the chart.
+    fn patch_at(point: &Point<'_>, q: f64) -> Option<[f64; 2]> {
+        let [across, up, depth] = [&point.across, &point.up, &point.depth]
+            .map(|conic| conic.values_on_axis(&[q; LANES])[0]);
+        let is_on = |along: f64, count: f64| along >= 0.0 && along < count * depth;
+        let is_seen = depth > 0.0 && is_on(across, point.counts[0]) && is_on(up, point.counts[1]);
+        is_seen.then(|| [across, up].map(|along| (along / depth).floor()))
+    }
+
     /// Off a lobe that is a mirror along one axis, what a line along the other sees changes from patch to patch. Each
-    /// change has to be the end of a piece, or in a passage.
+    /// change has to be the end of a piece, or in a passage: also where edges are more than lanes.
     #[test]
     fn every_edge_on_the_wide_axis_is_an_end_or_in_a_passage() {
         const STEPS: u32 = 2_000;
-        let (mut passages, mut ends, mut changes) = (Vec::new(), Vec::new(), 0);
-        for_each_point(416, &[0, 5, 12], |glossy, at, (position, wo), tolerance| {
-            let point = Point::new(glossy, position, wo, 2.0, tolerance);
-            let [low, high] = point.extent();
-            if low >= high {
-                return;
-            }
-            point.find_ends([low, high], &mut passages, &mut ends);
-            let patch_at = |q: f64| {
-                let [across, up, depth] = [&point.across, &point.up, &point.depth]
-                    .map(|conic| conic.values_on_axis(&[q; LANES])[0]);
-                let is_on = |along: f64, count: f64| along >= 0.0 && along < count * depth;
-                let is_seen =
-                    depth > 0.0 && is_on(across, point.counts[0]) && is_on(up, point.counts[1]);
-                is_seen.then(|| [across, up].map(|along| (along / depth).floor()))
-            };
-            let step = (high - low) / f64::from(STEPS);
-            for index in 0..STEPS {
-                let from = low + step * f64::from(index);
-                if patch_at(from) == patch_at(from + step) {
-                    continue;
+        let (mut passages, mut ends) = (Vec::new(), Vec::new());
+        for (specification, views, least) in [
+            (Specification::preset(), [0, 5], 2_000),
+            (with_patches(19, 29), [1, 5], 8_000),
+        ] {
+            let mut changes = 0;
+            for_each_point(
+                &specification,
+                416,
+                &views,
+                |glossy, at, (position, wo), tolerance| {
+                    let point = Point::new(glossy, position, wo, 2.0, tolerance);
+                    let [low, high] = point.extent();
+                    point.find_ends([low, high], &mut passages, &mut ends);
+                    let step = (high - low) / f64::from(STEPS);
+                    for index in 0..STEPS {
+                        let from = low + step * f64::from(index);
+                        let to = from + step;
+                        if patch_at(&point, from) == patch_at(&point, to) {
+                            continue;
+                        }
+                        changes += 1;
+                        let here = |q: f64| from <= q && q <= to;
+                        let is_end = ends.iter().any(|end| end.kink && here(end.q));
+                        let in_passage = passages.iter().any(|passage| {
+                            here(passage.middle) || passage.covers(from) || passage.covers(to)
+                        });
+                        assert!(is_end || in_passage, "{at:?}: q = {from}");
+                    }
+                },
+            );
+            assert!(changes > least, "{changes}");
+        }
+    }
+
+    /// Corners of patches that lie in the lobe, each by itself.
+    #[test]
+    fn every_corner_in_the_lobe_is_an_end() {
+        let (mut passages, mut ends, mut found) = (Vec::new(), Vec::new(), 0);
+        let specification = with_patches(19, 29);
+        for_each_point(
+            &specification,
+            608,
+            &[1, 5],
+            |glossy, at, (position, wo), tolerance| {
+                let point = Point::new(glossy, position, wo, 2.0, tolerance);
+                let [low, high] = point.extent();
+                point.find_ends([low, high], &mut passages, &mut ends);
+                for index in 0..glossy.corners.count() {
+                    let corner = Vec3::from(glossy.corners.point(index));
+                    let half = point.wo + (corner - point.position).normalized();
+                    let [p, q] = [half.x / half.z, half.y / half.z];
+                    // Two widths off the axis: well within what counts.
+                    let is_near = p.abs() * point.widths_per_slope(q) < 2.0;
+                    if is_near && q > low && q < high {
+                        found += 1;
+                        let is_end = ends.iter().any(|end| end.kink && (end.q - q).abs() < 1e-12);
+                        assert!(is_end, "{at:?}: corner {index}");
+                    }
                 }
-                changes += 1;
-                let is_end = ends
-                    .iter()
-                    .any(|end| end.kink && end.q >= from && end.q <= from + step);
-                let in_passage = passages.iter().any(|passage| {
-                    let inside = from <= passage.middle && passage.middle <= from + step;
-                    inside || passage.covers(from) || passage.covers(from + step)
-                });
-                assert!(is_end || in_passage, "{at:?}: q = {from}");
-            }
-        });
-        assert!(changes > 3_000, "{changes}");
+            },
+        );
+        assert!(found > 1_000, "{found}");
     }
 
     /// What rules of some levels are off by, over the brightest light, at most, of a material in a view: each against
     /// the next finer one.
     fn most_off(material: u32, view: usize) -> [f64; 3] {
         let (mut scratch, mut most, mut brightest) = (Scratch::default(), [0.0f64; 3], 0.0f64);
-        for_each_point(material, &[view], |glossy, _, (position, wo), tolerance| {
-            let mut rule = tolerance;
-            let (mut before, _) = glossy.reflected(position, wo, rule, &mut scratch);
-            for most in &mut most {
-                rule = rule.finer();
-                let (light, _) = glossy.reflected(position, wo, rule, &mut scratch);
-                *most = most.max(largest_difference(light, before));
-                brightest = light.into_iter().fold(brightest, f64::max);
-                before = light;
-            }
-        });
+        let preset = Specification::preset();
+        for_each_point(
+            &preset,
+            material,
+            &[view],
+            |glossy, _, (position, wo), tolerance| {
+                let mut rule = tolerance;
+                let (mut before, _) = glossy.reflected(position, wo, rule, &mut scratch);
+                for most in &mut most {
+                    rule = rule.finer();
+                    let (light, _) = glossy.reflected(position, wo, rule, &mut scratch);
+                    *most = most.max(largest_difference(light, before));
+                    brightest = light.into_iter().fold(brightest, f64::max);
+                    before = light;
+                }
+            },
+        );
         most.map(|off| off / brightest)
     }
 
