@@ -5,7 +5,6 @@ use super::{Exact, FIRST_RULE, Film, Tally, seeded, whole_film};
 use crate::film::tiling::Shade;
 use crate::numerics::polygon::Polygon;
 use crate::numerics::tolerance::Tolerance;
-use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::Rng;
 
 /// A tenth of white by rules that miss a share of it at one side of the film, and converge slowly: each misses most of
