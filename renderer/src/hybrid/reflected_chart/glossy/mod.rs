@@ -15,6 +15,7 @@
 
 mod branches;
 mod conic;
+mod ends;
 mod hidden;
 mod lanes;
 mod light_cells;
