@@ -1,6 +1,5 @@
 //! Edges of a function that are known to cross a pixel.
 
-use super::pixel::OnPixel;
 use crate::numerics::polygon::{Polygon, Rectangle};
 
 /// A function changes within so many widths of an edge to either side of it. Chosen: with 2 or 4 images
@@ -25,6 +24,24 @@ pub struct Edge {
     pub at: f64,
     /// Over how much of the line it changes: the standard deviation of its slope.
     pub width: f64,
+}
+
+/// A function on a pixel.
+pub trait OnPixel {
+    /// Its value at (column, row), and evaluations.
+    fn at(&mut self, film_point: [f64; 2]) -> ([f64; 3], u64);
+
+    /// An edge that is known to cross the line along `axis` between two places. The other coordinate of the line is
+    /// `across`.
+    fn edge(&self, _axis: usize, _across: f64, _between: [f64; 2]) -> Option<Edge> {
+        None
+    }
+}
+
+impl<F: FnMut(f64, f64) -> ([f64; 3], u64)> OnPixel for F {
+    fn at(&mut self, [column, row]: [f64; 2]) -> ([f64; 3], u64) {
+        self(column, row)
+    }
 }
 
 impl Edge {

@@ -3,7 +3,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::edge::{Edge, StraightEdge, Turned};
+use super::edge::{Edge, OnPixel, StraightEdge, Turned};
 use super::interval::{Interval, Rule};
 use crate::numerics::channels::add_scaled;
 use crate::numerics::gauss::KRONROD;
@@ -39,24 +39,6 @@ const EDGE_LINE_POINTS: u64 = (EDGE_PIECES * (KRONROD.len() + 1) + 1) as u64;
 pub struct Work {
     pub points_max: u64,
     pub evaluations_max: u64,
-}
-
-/// A function on a pixel.
-pub trait OnPixel {
-    /// Its value at (column, row), and evaluations.
-    fn at(&mut self, film_point: [f64; 2]) -> ([f64; 3], u64);
-
-    /// An edge that is known to cross the line along `axis` between two places. The other coordinate of the line is
-    /// `across`.
-    fn edge(&self, _axis: usize, _across: f64, _between: [f64; 2]) -> Option<Edge> {
-        None
-    }
-}
-
-impl<F: FnMut(f64, f64) -> ([f64; 3], u64)> OnPixel for F {
-    fn at(&mut self, [column, row]: [f64; 2]) -> ([f64; 3], u64) {
-        self(column, row)
-    }
 }
 
 /// The integral of `function` over a polygon no larger than a pixel and its estimated error, to

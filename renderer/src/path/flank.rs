@@ -4,7 +4,7 @@
 //! along the limb, a thousandth of a pixel deep. It is looked for all along the limb.
 
 use super::footprint::{Area, Outline};
-use super::strips::{OUTWARD, Seen, seen_toward};
+use super::seen::{OUTWARD, Seen, seen_toward};
 
 /// Places of a pixel's border toward which the limb is looked for. Chosen.
 const AROUND: usize = 64;

@@ -3,17 +3,12 @@
 //! A pixel that sees metres of a sample may hold all of this in a millionth of its area. It gets paths
 //! of its own there.
 
+use super::edge_slopes::{REACH, around, bulb_slopes, edge_slopes};
 use super::footprint::{Area, Outline, convex_hull};
 use super::streak::Streak;
 use crate::reflectance::lobe::Lobe;
 use crate::scene::{MirrorPoint, SampleSurface, Scene, SmoothSurface};
 use crate::vector::Vec3;
-use crate::warp::perpendiculars;
-use std::f64::consts::PI;
-
-/// Standard deviations of the lobe from its middle to the outline. Of a Gaussian in two dimensions
-/// exp(-REACH^2/2), 4e-5, lies beyond.
-pub const REACH: f64 = 4.5;
 
 /// How far places may be off the slopes that they were taken to have, as a share of the outline's reach. Chosen.
 const LINEAR: f64 = 0.1;
@@ -23,9 +18,6 @@ const STREAK: f64 = 10.0;
 
 /// A place lies beside the sample if it is so far off, in sides. Rounding.
 const BESIDE: f64 = 1e-9;
-
-/// Directions to the bulb's edge that are looked at.
-const SIDES: u32 = 256;
 
 /// Of as many directions from the lobe's middle, one in so many is looked at.
 const LOBE_STEP: usize = 8;
@@ -183,29 +175,6 @@ fn is_beside(sample: &SampleSurface, position: Vec3) -> bool {
     }
 }
 
-/// The slopes along the lobe's axes of half vectors between `wo` and the bulb's edge.
-fn edge_slopes(
-    wo: Vec3,
-    to_bulb: Vec3,
-    radius: f64,
-    lobe: &Lobe,
-) -> impl Iterator<Item = [f64; 2]> {
-    let axis = to_bulb.normalized();
-    let (x, y) = perpendiculars(axis);
-    let tangent = radius / (to_bulb.length_squared() - radius * radius).sqrt();
-    around().map(move |[cos, sin]| {
-        let edge = (axis + x * (tangent * cos) + y * (tangent * sin)).normalized();
-        let half = lobe.to_lobe(wo + edge);
-        [half.x / half.z, half.y / half.z]
-    })
-}
-
-/// The largest of them along each axis.
-pub fn bulb_slopes(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> [f64; 2] {
-    let edge = edge_slopes(wo, to_bulb, radius, lobe);
-    edge.fold([0.0; 2], |[u, v], [p, q]| [u.max(p.abs()), v.max(q.abs())])
-}
-
 /// The convex outline of slopes that are no farther than the lobe reaches from those of half vectors that see the bulb.
 /// Grazing light draws the bulb out, in any direction across the lobe's axes.
 fn reached(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> Vec<[f64; 2]> {
@@ -217,19 +186,13 @@ fn reached(wo: Vec3, to_bulb: Vec3, radius: f64, lobe: &Lobe) -> Vec<[f64; 2]> {
     convex_hull(places.collect())
 }
 
-/// Cosines and sines of angles all around.
-fn around() -> impl Iterator<Item = [f64; 2]> {
-    (0..SIDES).map(|side| {
-        let (sin, cos) = libm::sincos(2.0 * PI * f64::from(side) / f64::from(SIDES));
-        [cos, sin]
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
+    use crate::path::edge_slopes::SIDES;
     use crate::scene::Bulb;
+    use crate::warp::perpendiculars;
     use dataset::Specification;
 
     /// The share of the lobe's light about the mirror image that lies outside of the outline, if there is one.

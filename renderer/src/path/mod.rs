@@ -18,6 +18,7 @@
 mod cells;
 mod continuation;
 mod counts;
+mod edge_slopes;
 mod facets;
 mod flank;
 mod footprint;
@@ -28,6 +29,7 @@ mod highlight;
 mod interval;
 mod lit;
 mod reach;
+mod seen;
 mod slice;
 mod streak;
 mod strips;

@@ -4,8 +4,8 @@
 //! On the sample that line is a curve, which may run far from its tangent at the mirror image. So the streak is cut
 //! where q is given, into parts that are nearly straight.
 
+use super::edge_slopes::{REACH, bulb_slopes};
 use super::footprint::Outline;
-use super::highlight::{REACH, bulb_slopes};
 use crate::reflectance::lobe::Lobe;
 use crate::scene::PinholeCamera;
 use crate::vector::Vec3;

@@ -5,18 +5,16 @@
 //! sign across it. So the places where it does are found on a grid over the pixel, and the line is followed between
 //! them, by strips that are cut until they are nearly straight and evenly bright.
 
+use super::edge_slopes::{REACH, bulb_slopes};
 use super::footprint::{Area, Outline};
-use super::highlight::{Highlight, REACH, bulb_slopes};
+use super::highlight::Highlight;
+use super::seen::{OUTWARD, Seen, seen_toward};
 use super::{Tracer, flank};
 use crate::scene::{Encounter, Thing};
 use crate::vector::Vec3;
 
 /// Cells along a side of the grid on which a streak is looked for. Chosen.
 const GRID: usize = 4;
-
-/// The grid reaches so far beyond what it covers, as a share of its width: a streak along the border of two pixels is
-/// found from both. Chosen.
-pub const OUTWARD: f64 = 0.01;
 
 /// A place is in the streak's middle where the slope is such a share of its reach. Chosen.
 const MIDDLE: f64 = 0.05;
@@ -48,16 +46,6 @@ const WIDTH_MIN: f64 = 1e-9;
 /// Strips get paths of their own if they are a smaller share than this of what a pixel sees of the sample. It is larger
 /// than for other highlights, because strips overlap and each knows how bright it is. Chosen.
 const SHARE_MAX: f64 = 0.5;
-
-/// What is seen at a place of the film.
-pub trait Seen {
-    /// The half vector's slope along the lobe's narrow axis; `None` beside the sample.
-    fn slope(&self, at: [f64; 2]) -> Option<f64>;
-    /// The largest slope at which the lobe sends light there.
-    fn reach(&self, at: [f64; 2]) -> Option<f64>;
-    /// How bright it is, in units of white.
-    fn brightness(&self, at: [f64; 2]) -> f64;
-}
 
 /// A part of a streak between two places in its middle.
 #[derive(Clone, Copy, Debug)]
@@ -219,24 +207,6 @@ fn crossing(seen: &impl Seen, ends: [([f64; 2], Option<f64>); 2]) -> Option<[f64
         }
     }
     None
-}
-
-/// The place between two that is nearest to the second and still on the sample, if the first is, by so many halvings.
-pub fn seen_toward(seen: &impl Seen, [from, to]: [[f64; 2]; 2], steps: usize) -> [f64; 2] {
-    if seen.slope(to).is_some() {
-        return to;
-    }
-    let place = |share: f64| [0, 1].map(|axis| from[axis] + (to[axis] - from[axis]) * share);
-    let (mut on, mut beside) = (0.0, 1.0);
-    for _ in 0..steps {
-        let between = 0.5 * (on + beside);
-        if seen.slope(place(between)).is_some() {
-            on = between;
-        } else {
-            beside = between;
-        }
-    }
-    place(on)
 }
 
 /// A place of `area` on the sample, in the middle of it if it can be: the outline of a sample close to the camera holds

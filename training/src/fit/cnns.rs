@@ -5,38 +5,9 @@
 
 use super::checkpoint::{Checkpoints, State, difference};
 use super::options::Options;
+use super::stage_name::CNN_NAMES;
 use crate::error::{TrainingError, bad_input};
 use std::path::Path;
-
-/// Names of the two CNNs in the log.
-const CNN_NAMES: [&str; 2] = ["cnn0", "cnnw"];
-
-/// A network of a training.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum StageName {
-    /// CNN_0 or CNN_w.
-    Cnn(usize),
-    /// A block, counted from 0.
-    Block(usize),
-}
-
-impl StageName {
-    /// As the log has it.
-    pub fn text(self) -> String {
-        match self {
-            Self::Cnn(which) => CNN_NAMES[which].to_owned(),
-            Self::Block(block) => format!("block{}", block + 1),
-        }
-    }
-
-    /// In the streams of order and dropout.
-    pub fn number(self) -> u32 {
-        match self {
-            Self::Cnn(which) => which as u32,
-            Self::Block(block) => (CNN_NAMES.len() + block) as u32,
-        }
-    }
-}
 
 /// The CNNs of a training in the order of its stages.
 fn cnns(options: &Options) -> Vec<&'static str> {

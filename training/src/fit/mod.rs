@@ -19,6 +19,7 @@ pub mod inputs;
 pub mod network;
 pub mod options;
 pub mod stage;
+mod stage_name;
 pub mod state;
 pub mod targets;
 
@@ -37,7 +38,7 @@ use crate::variant::{HeadPlan, Variant};
 use burn::module::Module;
 use burn::tensor::Device;
 use checkpoint::{Checkpoints, MODEL, Pace, State};
-use cnns::{StageName, take_cnns};
+use cnns::take_cnns;
 use dataset::Split;
 use events::Events;
 use export::file::write_bytes;
@@ -47,6 +48,7 @@ use inputs::{Codes, Features, Inputs, Joined, Photographs};
 use network::{Cnn, Network};
 use options::{Options, Whiten};
 use stage::{Learner, Stage, logits_of, numbers, tensor, unpack};
+use stage_name::StageName;
 use std::path::{Path, PathBuf};
 use targets::Targets;
 

@@ -1,6 +1,6 @@
 //! What decides a training.
 
-use super::cnns::StageName;
+use super::stage_name::StageName;
 use crate::labels::axes::Colours;
 use crate::labels::target::Smoothing;
 use crate::network::Architecture;

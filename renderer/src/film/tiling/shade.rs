@@ -1,8 +1,7 @@
 //! Functions of the film.
 
 use crate::film::demand::FunctionError;
-use crate::film::edge::Edge;
-use crate::film::pixel::OnPixel;
+use crate::film::edge::{Edge, OnPixel};
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
 

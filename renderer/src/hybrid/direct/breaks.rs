@@ -5,7 +5,7 @@
 //! the circle touches the chord, where it leaves the ellipse, and where it leaves the lobe within a width of
 //! it.
 
-use super::bulb::BulbView;
+use super::bulb_view::BulbView;
 use super::chords::{Depth, Disc, LEVELS};
 use crate::hybrid::budget::direct::{BULK_WIDTHS, STEEP_WIDTHS};
 use crate::reflectance::slope_plane::Slopes;

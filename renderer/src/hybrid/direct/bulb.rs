@@ -13,6 +13,7 @@
 //! the other order loses digits.
 
 use super::breaks::Breaks;
+use super::bulb_view::BulbView;
 use super::chords::{Angles, Chords, Depth, Disc, LEVELS, MORE_POINTS, Pieces, cut, part};
 use crate::hybrid::budget::direct::{SEARCH_WIDTH, SMALL_BULB};
 use crate::numerics::batch::{Batch, FOUR, LANES, total};
@@ -24,17 +25,6 @@ use crate::reflectance::slope_plane::Slopes;
 use crate::reflectance::{Reflectance, TintResponse, fresnel, specular};
 use crate::vector::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
-
-/// Directions at a point of the sample, in the lobe's frame.
-#[derive(Clone, Copy, Debug)]
-pub struct BulbView {
-    /// To the viewer, unit.
-    pub wo: Vec3,
-    /// To the bulb's centre, unit.
-    pub centre: Vec3,
-    /// The squared sine of the bulb's half angle, (r/d)^2.
-    pub sin2: f64,
-}
 
 impl BulbView {
     /// The middle of the half vectors that see the bulb, in slopes, and their half extents.
@@ -62,16 +52,6 @@ impl BulbView {
         let along_p = (x + slant / half_chord * y) / (radius * lobe.n_u.sqrt());
         let along_q = y / (half_chord * lobe.n_v.sqrt());
         form / (along_p * along_p + along_q * along_q).sqrt()
-    }
-
-    /// The least and the largest cosine of the light's direction on the bulb.
-    pub fn cosines(&self) -> [f64; 2] {
-        let Vec3 { x, y, z } = self.centre;
-        let (sin, cos) = (self.sin2.sqrt(), (1.0 - self.sin2).sqrt());
-        let (along, across) = (z * cos, (x * x + y * y).sqrt() * sin);
-        // Where the bulb stands overhead the largest lies within it.
-        let largest = if z >= cos { 1.0 } else { along + across };
-        [along - across, largest]
     }
 }
 

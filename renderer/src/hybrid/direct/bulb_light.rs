@@ -1,6 +1,7 @@
 //! The bulb's light off a point of the sample.
 
-use super::bulb::{self, BulbView, ScaledRadiance, SlopeBatch};
+use super::bulb::{self, ScaledRadiance, SlopeBatch};
+use super::bulb_view::BulbView;
 use crate::film::log_tile::TintedLog;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;

@@ -1,7 +1,8 @@
 //! The bulb's light off the sample, as a function of the film.
 
-use super::bulb::{BulbView, SlopeBatch};
+use super::bulb::SlopeBatch;
 use super::bulb_light::{BulbLight, bulb_view};
+use super::bulb_view::BulbView;
 use crate::film::log_tile::TintedLog;
 use crate::film::log_tiling::LogShade;
 use crate::film::tiling::Edge;

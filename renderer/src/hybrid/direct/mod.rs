@@ -4,6 +4,7 @@ mod breaks;
 mod bulb;
 mod bulb_light;
 mod bulb_on_film;
+mod bulb_view;
 mod chords;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! The rule over the bulb, on bulbs of all sizes, against brute force and against itself.
 
-use super::bulb::{BulbView, ScaledRadiance, SlopeBatch, specular};
+use super::bulb::{ScaledRadiance, SlopeBatch, specular};
+use super::bulb_view::BulbView;
 use crate::numerics::instructions::Instructions;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;

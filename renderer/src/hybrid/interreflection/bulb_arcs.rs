@@ -33,7 +33,7 @@
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
 
-use super::bulb_transfer::Bulb;
+use super::bulb::Bulb;
 use super::surface::Surface;
 use super::transfer::Receiver;
 use crate::numerics::batch::{Batch, LANES};

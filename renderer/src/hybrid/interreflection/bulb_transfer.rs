@@ -8,6 +8,7 @@
     reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
 )]
 
+use super::bulb::Bulb;
 use super::bulb_arcs::PlainLineBatch;
 use super::surface::{Surface, Towards};
 use super::transfer::{Along, Light, Lines, Receiver, Sent, Sources, add_light, add_nodes};
@@ -15,20 +16,6 @@ use crate::numerics::batch::{Batch, LANES, total};
 use crate::numerics::instructions::kernel;
 use crate::vector::Vec3;
 use std::f64::consts::PI;
-
-/// The bulb. Its disc of directions is mapped to from the unit disc by Lambert's azimuthal map, which keeps areas.
-#[derive(Clone, Copy, Debug)]
-pub struct Bulb {
-    /// The centre in the frame.
-    pub centre: Vec3,
-    /// In metres.
-    pub radius: f64,
-    /// In units of white.
-    pub radiance: f64,
-    /// The world's x axis in the frame. No direction to the centre is parallel to it, because the
-    /// specification keeps the bulb above the sample's plane.
-    pub x_axis: [f64; 2],
-}
 
 /// The bulb as seen from a point of the sample.
 #[derive(Clone, Copy)]

@@ -1,6 +1,6 @@
 //! Sample and chart in the frame in which the sample's lines run along u.
 
-use super::bulb_transfer::Bulb;
+use super::bulb::Bulb;
 use super::sample_rule::SampleFrame;
 use super::surface::Surface;
 use super::transfer::Receiver;

@@ -19,6 +19,7 @@
 //! light is as smooth a function of the material as the rules are, which differences need.
 
 mod bound;
+mod bulb;
 mod bulb_arcs;
 mod bulb_transfer;
 pub mod cache;

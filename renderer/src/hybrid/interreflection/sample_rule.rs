@@ -6,8 +6,8 @@
 //! left it: in between the integral along a line falls like an error function. [`super::transfer`]
 //! integrates along each line, and [`super::bulb_arcs`] where the bulb looks wider than the lobe.
 
+use super::bulb::Bulb;
 use super::bulb_arcs::ArcRules;
-use super::bulb_transfer::Bulb;
 use super::ridge::{Ridge, span_along};
 use super::transfer::{Along, Receiver};
 use crate::hybrid::budget::interreflection::{

@@ -4,9 +4,9 @@
 //! are blurred along q, and lie far from the chart's image in a mirror. In the slope plane it is where it has to be:
 //! the chart shows where its slopes, seen from a point of the sample, hold the lobe's middle.
 
-use super::point::GlossyChart;
 use crate::hybrid::budget::chart_tile_pixels;
 use crate::hybrid::budget::glossy::{GROUPS_MAX, HIDDEN_REACH, HIDDEN_WIDTHS};
+use crate::reflectance::lobe::Lobe;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
 
@@ -70,31 +70,28 @@ pub struct SeenFrom {
     pub wo: Vec3,
 }
 
-impl GlossyChart<'_> {
-    /// Whether a tile's nodes may all miss a group of patches, by what its corners see: the side of the tile along
-    /// which that moves fastest.
-    pub fn hides_between(&self, corners: &[SeenFrom]) -> Option<usize> {
-        let lobe = &self.reflectance.lobe;
-        let corners: Vec<_> = corners
+/// Whether a tile's nodes may all miss one of these groups of patches (the lobe's frame), by what its corners see: the side of the tile along
+/// which that moves fastest.
+pub fn hides_between(lobe: &Lobe, groups: &[Corners], corners: &[SeenFrom]) -> Option<usize> {
+    let corners: Vec<_> = corners
+        .iter()
+        .map(|seen| (seen.at, lobe.to_lobe(seen.position), lobe.to_lobe(seen.wo)))
+        .collect();
+    let widths = [lobe.n_u, lobe.n_v].map(|n| (1.0 / n).sqrt());
+    groups.iter().find_map(|group| {
+        let seen: Vec<_> = corners
             .iter()
-            .map(|seen| (seen.at, lobe.to_lobe(seen.position), lobe.to_lobe(seen.wo)))
-            .collect();
-        let widths = [lobe.n_u, lobe.n_v].map(|n| (1.0 / n).sqrt());
-        self.groups.iter().find_map(|group| {
-            let seen: Vec<_> = corners
-                .iter()
-                .map(|&(at, position, wo)| Some((at, slopes(group, position, wo)?)))
-                .collect::<Option<_>>()?;
-            let along = [0, 1].map(|axis| {
-                let of_axis = seen.iter().map(|(at, slopes)| (*at, &slopes[axis]));
-                along(of_axis, widths[axis])
-            });
-            if !along.iter().all(|along| along.shows) {
-                return None;
-            }
-            along.iter().find_map(|along| along.thin_along)
-        })
-    }
+            .map(|&(at, position, wo)| Some((at, slopes(group, position, wo)?)))
+            .collect::<Option<_>>()?;
+        let along = [0, 1].map(|axis| {
+            let of_axis = seen.iter().map(|(at, slopes)| (*at, &slopes[axis]));
+            along(of_axis, widths[axis])
+        });
+        if !along.iter().all(|along| along.shows) {
+            return None;
+        }
+        along.iter().find_map(|along| along.thin_along)
+    })
 }
 
 /// The slopes p, and the slopes q, of a group's corners at a point of the sample; `None` if the sample faces away.

@@ -58,6 +58,11 @@ impl GlossyChart<'_> {
         let gathered = self.corners.count() / CORNERS_AN_EVALUATION + scratch.ends();
         (radiance, sums.evaluations + gathered as u32)
     }
+
+    /// Whether the nodes of a tile with these corners may all miss a group of patches: see [`hidden`].
+    pub fn hides_between(&self, corners: &[SeenFrom]) -> Option<usize> {
+        hidden::hides_between(&self.reflectance.lobe, &self.groups, corners)
+    }
 }
 
 #[cfg(test)]
