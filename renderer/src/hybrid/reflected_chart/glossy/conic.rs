@@ -299,7 +299,7 @@ mod tests {
         conic.on_lines(&[q; LANES]).values(&[p; LANES])[0]
     }
 
-    /// Conics that differ by the edge, and their zeros along p by a search.
+    /// Against each conic's own value.
     #[test]
     fn conics_side_by_side_are_near_the_axis_what_each_is() {
         let wo = Vec3::new(0.3, -0.8, 0.52).normalized();
