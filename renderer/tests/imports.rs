@@ -1,7 +1,8 @@
 //! No files of a crate import each other in a circle.
 //!
 //! Read from the `use` lines of all crates of the workspace, without those of unit tests. A module and what lies below
-//! it are one: what a `mod.rs` has is shared by the files beside it. Paths that are written out in the code are not read.
+//! it are one: what a `mod.rs` has is shared by the files beside it. Paths that are written out in the code are not
+//! read.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
