@@ -79,6 +79,7 @@ impl Conic {
 
 /// Conics side by side, one a lane, near the line p = 0.
 pub struct Conics {
+    pp: Lanes,
     pq: Lanes,
     qq: Lanes,
     p: Lanes,
@@ -91,6 +92,7 @@ impl Conics {
     #[inline(always)]
     pub fn less(conic: &Conic, factors: &Lanes, other: &Conic) -> Self {
         Self {
+            pp: less(conic.pp, factors, other.pp),
             pq: less(conic.pq, factors, other.pq),
             qq: less(conic.qq, factors, other.qq),
             p: less(conic.p, factors, other.p),
@@ -105,15 +107,27 @@ impl Conics {
         zeros(&self.one, &self.q, &self.qq)
     }
 
-    /// Where their zeros lie this far from the line p = 0; next to that, bends along p do not count.
+    /// Where their zeros lie this far from the line p = 0.
     #[inline(always)]
     pub fn zeros_beside_axis(&self, distance: f64) -> [Lanes; 2] {
         let (mut c0, mut c1) = ([0.0; LANES], [0.0; LANES]);
         for i in 0..LANES {
-            c0[i] = self.one[i] + distance * self.p[i];
+            c0[i] = self.one[i] + distance * (self.p[i] + distance * self.pp[i]);
             c1[i] = self.q[i] + distance * self.pq[i];
         }
         zeros(&c0, &c1, &self.qq)
+    }
+
+    /// Which have zeros this far from the line p = 0.
+    #[inline(always)]
+    pub fn cross_beside_axis(&self, distance: f64) -> [bool; LANES] {
+        let mut cross = [false; LANES];
+        for i in 0..LANES {
+            let c0 = self.one[i] + distance * (self.p[i] + distance * self.pp[i]);
+            let c1 = self.q[i] + distance * self.pq[i];
+            cross[i] = c1 * c1 >= 4.0 * c0 * self.qq[i];
+        }
+        cross
     }
 
     /// The p of their zeros nearest to p = 0 at these q, about.
@@ -134,6 +148,19 @@ impl Conics {
         for i in 0..LANES {
             let along = self.p[i] + self.pq[i] * q[i];
             bend[i] = (self.qq[i] * distance[i] * distance[i] / along).abs();
+        }
+        bend
+    }
+
+    /// How their zeros bend along q from (0, q) on: half the second derivative of q by p.
+    #[inline(always)]
+    pub fn bend_along_q(&self, q: &Lanes) -> Lanes {
+        let mut bend = [0.0; LANES];
+        for i in 0..LANES {
+            let along = self.p[i] + self.pq[i] * q[i];
+            let across = self.q[i] + 2.0 * self.qq[i] * q[i];
+            let slope = -along / across;
+            bend[i] = -(self.pp[i] + slope * (self.pq[i] + slope * self.qq[i])) / across;
         }
         bend
     }
@@ -312,6 +339,7 @@ mod tests {
         let (mut crossings, off) = (0, 1e-6);
         for zeros in edges.zeros_on_axis() {
             let (drift, far) = (edges.drift(&zeros), edges.bend(&zeros, &[off; LANES]));
+            let bend_along_q = edges.bend_along_q(&zeros);
             let beside = zeros.map(|q| q + off);
             let (moved, back) = (
                 edges.near_axis(&beside),
@@ -334,13 +362,20 @@ mod tests {
                     drift[i]
                 );
                 assert!(far[i] < 1e-6, "{i}: {}", far[i]);
+                // The zero at a small p, by the slope and the bend there.
+                let p = 1e-4;
+                let slope = (moved[i] - back[i]) / (2.0 * off);
+                let q = zeros[i] + p / slope + bend_along_q[i] * p * p;
+                let nearest = edges.zeros_beside_axis(p).map(|zeros| (zeros[i] - q).abs());
+                let left = nearest[0].min(nearest[1]);
+                assert!(left < 1e-3 * (bend_along_q[i] * p * p).abs(), "{i}: {left}");
             }
         }
         assert!(crossings >= LANES, "{crossings}");
         for distance in [1e-3, -1e-3] {
             for zeros in edges.zeros_beside_axis(distance) {
                 for (i, q) in zeros.into_iter().enumerate().filter(|(_, q)| q.is_finite()) {
-                    assert!(of_line(i, distance, q).abs() < 2e-6, "{i}");
+                    assert!(of_line(i, distance, q).abs() < 1e-12, "{i}");
                 }
             }
         }

@@ -23,6 +23,7 @@ mod line;
 mod moments;
 mod near_axis;
 mod passages;
+mod places;
 mod point;
 mod seen;
 mod wide_axis;
@@ -70,9 +71,11 @@ mod tests {
     use super::*;
     use crate::geometry::BackendChoice;
     use crate::hybrid::PreparedView;
+    use crate::hybrid::reflected_chart::glossy::passages::Found;
     use crate::hybrid::reflected_chart::lit_chart::{LitChart, PARABOLA};
     use crate::numerics::batch::LANES;
     use crate::numerics::channels::largest_difference;
+    use crate::numerics::gauss::GaussRule;
     use crate::reflectance::Reflectance;
     use crate::scene::Scene;
     use dataset::Specification;
@@ -156,7 +159,7 @@ mod tests {
     #[test]
     fn every_edge_on_the_wide_axis_is_an_end_or_in_a_passage() {
         const STEPS: u32 = 2_000;
-        let (mut passages, mut ends) = (Vec::new(), Vec::new());
+        let mut found = Found::default();
         for (specification, views, least) in [
             (Specification::preset(), [0, 5], 2_000),
             (with_patches(19, 29), [1, 5], 8_000),
@@ -169,7 +172,7 @@ mod tests {
                 |glossy, at, (position, wo), tolerance| {
                     let point = Point::new(glossy, position, wo, 2.0, tolerance);
                     let [low, high] = point.extent();
-                    point.find_ends([low, high], &mut passages, &mut ends);
+                    point.find_ends([low, high], &mut found);
                     let step = (high - low) / f64::from(STEPS);
                     for index in 0..STEPS {
                         let from = low + step * f64::from(index);
@@ -179,8 +182,11 @@ mod tests {
                         }
                         changes += 1;
                         let here = |q: f64| from <= q && q <= to;
-                        let is_end = ends.iter().any(|end| end.kink && here(end.q));
-                        let in_passage = passages.iter().any(|passage| {
+                        // A step stands where the edge passes in the mean, next to where it crosses.
+                        let beside = 0.2 * step;
+                        let is_near = |q: f64| from - beside <= q && q <= to + beside;
+                        let is_end = found.ends.iter().any(|end| end.kink && is_near(end.q));
+                        let in_passage = found.passages.iter().any(|passage| {
                             here(passage.middle) || passage.covers(from) || passage.covers(to)
                         });
                         assert!(is_end || in_passage, "{at:?}: q = {from}");
@@ -194,7 +200,8 @@ mod tests {
     /// Corners of patches that lie in the lobe, each by itself.
     #[test]
     fn every_corner_in_the_lobe_is_an_end() {
-        let (mut passages, mut ends, mut found) = (Vec::new(), Vec::new(), 0);
+        let mut found = Found::default();
+        let mut corners = 0;
         let specification = with_patches(19, 29);
         for_each_point(
             &specification,
@@ -203,7 +210,7 @@ mod tests {
             |glossy, at, (position, wo), tolerance| {
                 let point = Point::new(glossy, position, wo, 2.0, tolerance);
                 let [low, high] = point.extent();
-                point.find_ends([low, high], &mut passages, &mut ends);
+                point.find_ends([low, high], &mut found);
                 for index in 0..glossy.corners.count() {
                     let corner = Vec3::from(glossy.corners.point(index));
                     let half = point.wo + (corner - point.position).normalized();
@@ -211,14 +218,104 @@ mod tests {
                     // Two widths off the axis: well within what counts.
                     let is_near = p.abs() * point.widths_per_slope(q) < 2.0;
                     if is_near && q > low && q < high {
-                        found += 1;
-                        let is_end = ends.iter().any(|end| end.kink && (end.q - q).abs() < 1e-12);
+                        corners += 1;
+                        let is_end = found
+                            .ends
+                            .iter()
+                            .any(|end| end.kink && (end.q - q).abs() < 1e-12);
                         assert!(is_end, "{at:?}: corner {index}");
                     }
                 }
             },
         );
-        assert!(found > 1_000, "{found}");
+        assert!(corners > 1_000, "{corners}");
+    }
+
+    /// What the rule along the wide axis is off by, against one of 72 lines between any two of its ends, in tolerances
+    /// of the preset: of each point at which a material shows the chart in a view, in rising order.
+    fn off_along_wide_axis(of: &[(u32, usize)]) -> Vec<f64> {
+        let (mut scratch, mut off) = (Scratch::default(), Vec::new());
+        let mut found = Found::default();
+        let preset = Specification::preset();
+        let accuracy = &preset.accuracy;
+        for &(material, view) in of {
+            for_each_point(
+                &preset,
+                material,
+                &[view],
+                |glossy, _, (position, wo), tolerance| {
+                    let lobe = &glossy.reflectance.lobe;
+                    let knee = glossy.reflectance.tint_response(wo.z).knee;
+                    let fine = (0..2).fold(tolerance, |rule, _| rule.finer());
+                    let point = Point::new(glossy, position, wo, knee, fine);
+                    let [low, high] = point.extent();
+                    if low >= high {
+                        return;
+                    }
+                    point.find_ends([low, high], &mut found);
+                    found.ends.sort_by(|a, b| a.q.total_cmp(&b.q));
+                    let mut lines = line::Lines::default();
+                    for pair in found.ends.windows(2) {
+                        let step = (pair[1].q - pair[0].q) / 12.0;
+                        for part in 0..12 {
+                            let from = pair[0].q + step * f64::from(part);
+                            for line in GaussRule::of(6).on(from, from + step) {
+                                lines.push(line.into());
+                            }
+                        }
+                    }
+                    let mut light = |point: &Point<'_>, lines: &line::Lines| {
+                        let scale = lobe.normalization / (2.0 * std::f64::consts::PI);
+                        let sums = add_lines(glossy.instructions, point, lines, &mut scratch.cuts);
+                        sums.fresnel.map(|channel| scale * channel)
+                    };
+                    let expected = light(&point, &lines);
+                    let point = Point::new(glossy, position, wo, knee, tolerance);
+                    let mut rule = Scratch::default();
+                    point.gather(&mut rule);
+                    let missed = largest_difference(light(&point, &rule.lines), expected);
+                    let brightest = expected.into_iter().fold(0.0, f64::max);
+                    if brightest > 1e-5 {
+                        off.push(missed / (accuracy.absolute + accuracy.relative * brightest));
+                    }
+                },
+            );
+        }
+        off.sort_by(f64::total_cmp);
+        off
+    }
+
+    /// Light changes by more than the lobe where a line looks along the chart's plane or near the sample, and an edge
+    /// that runs along the narrow axis bends within the lobe. Before that counted, 3 of 100 points of the first six
+    /// were off by more than 1.2 tolerances, and one of 848 by 2.7.
+    #[test]
+    fn the_rule_along_the_wide_axis_is_near_one_of_many_lines() {
+        for (of, most) in [
+            (
+                &[(416, 5), (608, 5), (608, 4), (104, 5), (752, 5), (992, 5)][..],
+                [0.1, 0.25, 2.0],
+            ),
+            (&[(848, 5), (32, 5), (784, 0)], [0.06, 0.4, 0.8]),
+            (
+                &[(848, 4), (696, 2), (648, 2), (508, 6), (88, 0), (536, 5)],
+                [0.12, 0.6, 1.5],
+            ),
+            (
+                &[(336, 2), (16, 6), (832, 6), (112, 6), (456, 4), (176, 3)],
+                [0.08, 0.3, 0.8],
+            ),
+            (
+                &[(336, 7), (104, 4), (192, 4), (796, 1), (32, 3), (848, 0)],
+                [0.12, 0.3, 0.8],
+            ),
+        ] {
+            let off = off_along_wide_axis(of);
+            assert!(off.len() > 400, "{}", off.len());
+            let found =
+                [0.9, 0.97, 1.0].map(|share| off[(share * (off.len() - 1) as f64) as usize]);
+            let is_met = found.iter().zip(most).all(|(found, most)| *found < most);
+            assert!(is_met, "{of:?}: {found:?}");
+        }
     }
 
     /// What rules of some levels are off by, over the brightest light, at most, of a material in a view: each against

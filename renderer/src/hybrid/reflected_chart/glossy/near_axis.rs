@@ -2,9 +2,9 @@
 
 use super::conic::{Conic, Conics};
 use super::lanes::Lanes;
-use super::passages::{End, Passage};
+use super::passages::{End, Found, Passage};
 use super::point::Point;
-use crate::hybrid::budget::glossy::{BENT, PASSAGE, STEP};
+use crate::hybrid::budget::glossy::{BEND_MAX, BENT, PASSAGE, STEP};
 use crate::numerics::batch::LANES;
 use crate::numerics::instructions::kernel;
 use crate::vector::Vec3;
@@ -13,12 +13,7 @@ type Flags = [bool; LANES];
 
 kernel! {
     /// Finds where edges of patches pass through the lobe between two q, and where pieces may end for them.
-    pub fn find_passages(
-        point: &Point<'_>,
-        extent: [f64; 2],
-        passages: &mut Vec<Passage>,
-        ends: &mut Vec<End>,
-    ) {
+    pub fn find_passages(point: &Point<'_>, extent: [f64; 2], found: &mut Found) {
         let plane = &point.glossy.plane;
         let counts = [plane.columns, plane.rows];
         let along = [&point.across, &point.up];
@@ -41,7 +36,7 @@ kernel! {
                     Crossings::new(&edges, one, &shown, &widths),
                     Crossings::new(&edges, other, &shown, &widths),
                 ];
-                let bends = may_bend(&edges, extent, &widths);
+                let bends = may_turn(&edges, &crossings, &widths);
                 let bent = if bends == [false; LANES] {
                     None
                 } else {
@@ -50,11 +45,11 @@ kernel! {
                 let count = (counts[axis] + 1 - first) as usize;
                 for i in 0..count.min(LANES) {
                     for crossings in &crossings {
-                        crossings.add(i, point, passages, ends);
+                        crossings.add(i, point, found);
                     }
                     if bends[i] {
                         for bent in bent.iter().flatten() {
-                            bent.add(i, passages, ends);
+                            bent.add(i, found);
                         }
                     }
                 }
@@ -101,15 +96,21 @@ kernel! {
 struct Widths {
     /// Those along p for a unit of slope.
     per_p: f64,
+    /// The square of the one along p.
+    p_squared: f64,
     /// The one along q.
     q: f64,
+    /// The error that the rule may have.
+    error: f64,
 }
 
 impl Widths {
     fn of(point: &Point<'_>) -> Self {
         Self {
             per_p: point.glossy.reflectance.lobe.n_u.sqrt(),
+            p_squared: 1.0 / point.glossy.reflectance.lobe.n_u,
             q: 1.0 / point.per_wide_width,
+            error: point.error,
         }
     }
 }
@@ -149,10 +150,16 @@ struct Crossings {
     rate: Lanes,
     /// How far the passages go on to either side.
     half: Lanes,
+    /// Where steps stand for them.
+    step: Lanes,
+    /// The middles of passages: where an edge bends less in the lobe than it is slanted, where it crosses the axis.
+    middle: Lanes,
     /// Whether it is so short that it is a kink.
     is_kink: Flags,
     /// Whether it is a longer passage of an edge that is nearly straight.
     is_passage: Flags,
+    /// Whether a step in its place misses no more than the tolerance.
+    is_step: Flags,
     /// Whether the edge bends within its passage.
     is_bent: Flags,
 }
@@ -161,68 +168,80 @@ impl Crossings {
     #[inline(always)]
     fn new(edges: &Conics, q: Lanes, shown: &Shown<'_>, widths: &Widths) -> Self {
         let (drift, shows) = (edges.drift(&q), shown.at(&q));
-        let [mut rate, mut half] = [[0.0; LANES]; 2];
+        let bend_along_q = edges.bend_along_q(&q);
+        let [mut rate, mut half, mut step, mut middle] = [[0.0; LANES]; 4];
         for i in 0..LANES {
             rate[i] = drift[i] * widths.per_p;
             half[i] = PASSAGE / rate[i];
         }
         let bend = edges.bend(&q, &half);
-        let [mut is_kink, mut is_passage, mut is_bent] = [[false; LANES]; 3];
+        let [mut is_kink, mut is_passage, mut is_bent, mut is_step] = [[false; LANES]; 4];
         for i in 0..LANES {
+            // At one width of p. Of an edge that bends by much the first terms of its bend tell nothing.
+            let bent = bend_along_q[i] * widths.p_squared;
+            let is_little = bent.abs() < BEND_MAX * widths.q;
+            let bent = if is_little { bent } else { 0.0 };
+            let is_straight = PASSAGE * bent.abs() * rate[i] < BENT;
+            step[i] = q[i] + bent;
+            middle[i] = if is_straight { q[i] } else { step[i] };
             is_bent[i] = bend[i] * widths.per_p > BENT * PASSAGE;
             is_kink[i] = shows[i] & (half[i] < STEP * widths.q);
-            let is_fast = rate[i] * widths.q > 1.0;
-            is_passage[i] = shows[i] & !is_kink[i] & is_fast & !is_bent[i];
+            let fast = rate[i] * widths.q;
+            is_passage[i] = shows[i] & !is_kink[i] & (fast > 1.0) & !is_bent[i];
+            is_step[i] = 0.5 < widths.error * fast * fast;
         }
         Self {
             q,
             rate,
             half,
+            step,
+            middle,
             is_kink,
             is_passage,
+            is_step,
             is_bent,
         }
     }
 
     /// Whether one of them lies between two q, and the edge is nearly straight.
     #[inline(always)]
-    fn is_straight(&self, i: usize, from: f64, to: f64) -> bool {
+    fn crosses(&self, i: usize, from: f64, to: f64) -> bool {
         (from < self.q[i]) & (self.q[i] < to) & !self.is_bent[i]
     }
 
     /// Adds one of them.
     #[inline(always)]
-    fn add(&self, i: usize, point: &Point<'_>, passages: &mut Vec<Passage>, ends: &mut Vec<End>) {
-        let (middle, half) = (self.q[i], self.half[i]);
+    fn add(&self, i: usize, point: &Point<'_>, found: &mut Found) {
         if self.is_kink[i] {
-            ends.push(End::kink(middle));
+            found.ends.push(End::kink(self.step[i]));
         } else if self.is_passage[i] {
             let passage = Passage {
-                middle,
+                middle: self.middle[i],
                 rate: self.rate[i],
-                half,
+                half: self.half[i],
+                step: self.step[i],
             };
-            let index = passage.has_rule(point).then_some(passages.len());
-            passages.push(passage);
-            ends.extend([middle - half, middle + half].map(|q| End {
-                q,
-                kink: false,
-                passage: index,
-            }));
+            if self.is_step[i] {
+                found.add_step(passage);
+            } else {
+                found.add_passage(passage, point);
+            }
         }
     }
 }
 
-/// Which edges bend within the lobe at all.
+/// Which edges may turn back within the lobe: those that bend where they cross the wide axis, and those that do not
+/// cross it but lines as far beside it as a passage reaches.
 #[inline(always)]
-fn may_bend(edges: &Conics, [low, high]: [f64; 2], widths: &Widths) -> Flags {
-    let distance = [high.max(-low); LANES];
-    let at_low = edges.bend(&[low; LANES], &distance);
-    let at_high = edges.bend(&[high; LANES], &distance);
-    let most = BENT * PASSAGE;
+fn may_turn(edges: &Conics, crossings: &[Crossings; 2], widths: &Widths) -> Flags {
+    let distance = PASSAGE / widths.per_p;
+    let cross = |distance: f64| edges.cross_beside_axis(distance);
+    let [on_axis, above, below] = [cross(0.0), cross(distance), cross(-distance)];
+    let [one, other] = crossings;
     let mut may = [false; LANES];
     for i in 0..LANES {
-        may[i] = (at_low[i] * widths.per_p > most) | (at_high[i] * widths.per_p > most);
+        let comes_near = !on_axis[i] & (above[i] | below[i]);
+        may[i] = comes_near | one.is_bent[i] | other.is_bent[i];
     }
     may
 }
@@ -238,20 +257,22 @@ struct Bent {
 impl Bent {
     /// Adds one of them.
     #[inline(always)]
-    fn add(&self, i: usize, passages: &mut Vec<Passage>, ends: &mut Vec<End>) {
+    fn add(&self, i: usize, found: &mut Found) {
         if !self.is_passage[i] {
             return;
         }
         let (from, to) = (self.from[i], self.to[i]);
-        passages.push(Passage {
-            middle: 0.5 * (from + to),
+        let middle = 0.5 * (from + to);
+        found.passages.push(Passage {
+            middle,
             rate: self.rate[i],
             half: 0.5 * (to - from),
+            step: middle,
         });
-        ends.extend([from, to].map(|q| End {
-            q,
+        // No rule of three lines serves it.
+        found.ends.extend([from, to].map(|q| End {
             kink: false,
-            passage: None,
+            ..End::kink(q)
         }));
     }
 }
@@ -309,7 +330,7 @@ fn bent_passage(
         rate[i] = if begin > stop { begin } else { stop } * widths.per_p;
         let is_near = (from[i] < to[i]) & (near[i].abs() * widths.per_p < PASSAGE);
         let is_seen = begins[i] | passes[i] | stops[i];
-        let is_crossed = one.is_straight(i, from[i], to[i]) | other.is_straight(i, from[i], to[i]);
+        let is_crossed = one.crosses(i, from[i], to[i]) | other.crosses(i, from[i], to[i]);
         is_passage[i] = is_near & is_seen & (rate[i] * widths.q > 1.0) & !is_crossed;
     }
     Bent {

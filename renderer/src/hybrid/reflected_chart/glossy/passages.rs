@@ -5,10 +5,14 @@
 //! the passage the integral over the narrow axis goes from one smooth function to another as
 //! before Phi(-z) + after Phi(z). An edge that passes fast next to the lobe's fall along q takes few lines:
 //!
-//! - Taken for a step in its middle, it misses (after' - before') / (2 rate^2), because the integral of
-//!   2 z Phi(-z) over z > 0 is 1/2. The lines beside it must lie beyond the passage.
+//! - Taken for a step, it misses (after' - before') / (2 rate^2), because the integral of 2 z Phi(-z) over z > 0 is
+//!   1/2. The lines beside it must lie beyond the passage. An edge that bends crosses a line of constant p at
+//!   q_0 + p slope + p^2 bend, where p^2 has a mean of 1 / n: at the mean of that the step has to be.
 //! - [`Passage::RULE`] is exact for that term and for the first of the edge's bend, so it misses terms in
 //!   1 / rate^3.
+//!
+//! An edge that runs along p within the lobe bends more than it is slanted. It passes as far as it bends, to one side,
+//! and no rule here serves it but one about the mean: it misses the square of the bend.
 
 use super::point::Point;
 use crate::hybrid::budget::glossy::PASSAGE;
@@ -22,6 +26,8 @@ pub struct Passage {
     pub rate: f64,
     /// How far it goes on to either side of the middle.
     pub(super) half: f64,
+    /// Where a step stands for it: the mean of where it crosses lines of constant p, over the lobe.
+    pub(super) step: f64,
 }
 
 impl Passage {
@@ -39,21 +45,10 @@ impl Passage {
         (q - self.middle).abs() < self.half
     }
 
-    /// How slow it is next to the lobe's fall along q, whose width is `1 / per_width`.
-    fn slowness(&self, per_width: f64) -> f64 {
-        per_width / self.rate
-    }
-
     /// Whether the rule of three lines misses no more than a tolerance.
-    pub(super) fn has_rule(&self, point: &Point<'_>) -> bool {
-        let slow = self.slowness(point.per_wide_width);
+    fn has_rule(&self, point: &Point<'_>) -> bool {
+        let slow = point.per_wide_width / self.rate;
         slow * slow * slow < point.error
-    }
-
-    /// Whether a step misses no more than a tolerance.
-    pub(super) fn is_step(&self, point: &Point<'_>) -> bool {
-        let slow = self.slowness(point.per_wide_width);
-        0.5 * slow * slow < point.error
     }
 }
 
@@ -65,6 +60,8 @@ pub struct End {
     pub kink: bool,
     /// The index of the passage that begins or ends here, if the rule of three lines may serve it.
     pub passage: Option<usize>,
+    /// The index of the passage for which a step stands here.
+    pub step: Option<usize>,
 }
 
 impl End {
@@ -73,13 +70,63 @@ impl End {
             q,
             kink: true,
             passage: None,
+            step: None,
         }
     }
 }
 
-/// How many passages go on at q.
-pub fn count_covering(q: f64, passages: &[Passage]) -> usize {
-    passages.iter().filter(|passage| passage.covers(q)).count()
+/// What was found along the wide axis.
+#[derive(Default)]
+pub struct Found {
+    pub passages: Vec<Passage>,
+    /// Passages for which a step stands.
+    pub steps: Vec<Passage>,
+    /// Where pieces may end. Once all are found, in rising order.
+    pub ends: Vec<End>,
+}
+
+impl Found {
+    pub fn clear(&mut self) {
+        self.passages.clear();
+        self.steps.clear();
+        self.ends.clear();
+    }
+
+    /// Adds a passage and its ends.
+    pub fn add_passage(&mut self, passage: Passage, point: &Point<'_>) {
+        let index = passage.has_rule(point).then_some(self.passages.len());
+        self.ends
+            .extend([-passage.half, passage.half].map(|off| End {
+                passage: index,
+                kink: false,
+                ..End::kink(passage.middle + off)
+            }));
+        self.passages.push(passage);
+    }
+
+    /// Adds a passage for which a step stands.
+    pub fn add_step(&mut self, passage: Passage) {
+        self.ends.push(End {
+            step: Some(self.steps.len()),
+            ..End::kink(passage.step)
+        });
+        self.steps.push(passage);
+    }
+
+    /// Takes an end off at which a step stands, and gives its passage two ends.
+    pub fn widen_step(&mut self, end: usize, point: &Point<'_>) {
+        if let Some(index) = self.ends[end].step.take() {
+            // It ends no piece any more.
+            self.ends[end].q = f64::NAN;
+            self.add_passage(self.steps[index], point);
+        }
+    }
+
+    /// How many passages go on at q. Steps do nowhere.
+    pub fn count_covering(&self, q: f64) -> usize {
+        let passages = self.passages.iter();
+        passages.filter(|passage| passage.covers(q)).count()
+    }
 }
 
 #[cfg(test)]

@@ -33,6 +33,8 @@ pub struct GlossyChart<'a> {
     pub(super) corners: Batch<3>,
     /// Rectangles of patches that may show by themselves, in the lobe's frame.
     pub(super) groups: Vec<Corners>,
+    /// The gap between the chart and the sample, in patches.
+    pub(super) gap: f64,
     /// The light on it.
     pub(super) light: LightCells,
 }
@@ -75,6 +77,7 @@ impl<'a> GlossyChart<'a> {
             corner: lobe.to_lobe(plane.corner),
             axes: [plane.x, plane.y, plane.z].map(|axis| lobe.to_lobe(axis * per_pitch)),
             corners,
+            gap: chart.heights.gap * per_pitch,
             light: LightCells::new(chart),
         }
     }

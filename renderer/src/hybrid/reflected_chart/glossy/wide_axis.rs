@@ -3,10 +3,10 @@
 
 use super::lanes::Cuts;
 use super::line::Lines;
-use super::passages::{End, Passage, count_covering};
+use super::passages::{Found, Passage};
+use super::places::{Places, find_places};
 use super::point::Point;
-use crate::hybrid::budget::glossy::{FALL_SHARE, TAIL_DIGITS};
-use crate::numerics::elementary::about_ln;
+use crate::hybrid::budget::glossy::TAIL_DIGITS;
 use crate::numerics::gauss::GaussRule;
 
 /// Buffers.
@@ -16,22 +16,23 @@ pub struct Scratch {
     pub lines: Lines,
     /// Where they are cut.
     pub cuts: Cuts,
-    passages: Vec<Passage>,
-    ends: Vec<End>,
+    found: Found,
+    places: Places,
+    pieces: Vec<Piece>,
 }
 
 impl Scratch {
     /// Ends of pieces that were looked at.
     pub fn ends(&self) -> usize {
-        self.ends.len()
+        self.found.ends.len()
     }
 }
 
 /// A piece of the wide axis.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    from: f64,
-    to: f64,
+    /// The ends that it goes from and to.
+    ends: [usize; 2],
     /// The fastest change on it, in widths a unit of q.
     rate: f64,
     /// Whether it is one passage with nothing else in it, for which three lines do.
@@ -42,21 +43,19 @@ struct Piece {
 
 impl Piece {
     /// A piece for a Gauss rule.
-    fn new(point: &Point<'_>, [from, to]: [f64; 2], rate: f64) -> Self {
+    fn new(point: &Point<'_>, places: &Places, ends: [usize; 2], rate: f64) -> Self {
         Self {
-            from,
-            to,
+            ends,
             rate,
             is_passage: false,
-            lines: point.gauss_points([from, to], rate),
+            lines: point.gauss_points(places, ends, rate),
         }
     }
 
     /// A passage.
-    fn passage([from, to]: [f64; 2], rate: f64) -> Self {
+    fn passage(ends: [usize; 2], rate: f64) -> Self {
         Self {
-            from,
-            to,
+            ends,
             rate,
             is_passage: true,
             lines: Passage::RULE.len(),
@@ -64,89 +63,118 @@ impl Piece {
     }
 
     /// The piece that covers both, if it takes no more lines than they do.
-    fn merged(&self, next: &Self, point: &Point<'_>) -> Option<Self> {
-        let both = Self::new(point, [self.from, next.to], self.rate.max(next.rate));
+    fn merged(&self, next: &Self, point: &Point<'_>, places: &Places) -> Option<Self> {
+        let ends = [self.ends[0], next.ends[1]];
+        let both = Self::new(point, places, ends, self.rate.max(next.rate));
         (both.lines <= self.lines.saturating_add(next.lines)).then_some(both)
+    }
+
+    /// Whether its lines lie farther than this from both of its ends.
+    fn keeps_clear(&self, places: &Places, distance: f64) -> bool {
+        let [from, to] = self.ends.map(|end| places.q[end]);
+        (to - from) * first_gauss_point(self.lines) > distance
+    }
+
+    /// Adds its lines.
+    fn add_lines(&self, places: &Places, lines: &mut Lines) {
+        let [from, to] = self.ends;
+        if places.q[from] >= places.q[to] {
+            return;
+        }
+        if self.is_passage {
+            let middle = 0.5 * (places.q[from] + places.q[to]);
+            for [off, weight] in Passage::RULE {
+                lines.push([middle + off / self.rate, weight / self.rate]);
+            }
+            return;
+        }
+        let rule = GaussRule::of(self.lines);
+        // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
+        for (x, weight) in rule.on(places.half_tangent[from], places.half_tangent[to]) {
+            let per = 1.0 / (1.0 - x * x);
+            let slope = 2.0 * (1.0 + x * x) * per * per;
+            lines.push([2.0 * x * per, weight * slope]);
+        }
     }
 }
 
 impl Point<'_> {
     /// Gathers the lines of the rule.
     pub fn gather(&self, scratch: &mut Scratch) {
-        scratch.lines.clear();
+        let Scratch {
+            lines,
+            found,
+            places,
+            pieces,
+            ..
+        } = scratch;
+        lines.clear();
         // What the point before left would count as work of this one.
-        scratch.ends.clear();
+        found.clear();
         let [low, high] = self.extent();
         if low >= high {
             return;
         }
-        let mut passages = std::mem::take(&mut scratch.passages);
-        let mut ends = std::mem::take(&mut scratch.ends);
-        self.find_ends([low, high], &mut passages, &mut ends);
-        let mut piece: Option<Piece> = None;
-        for pair in ends.windows(2) {
-            let (from, to) = (pair[0].q, pair[1].q);
-            if from >= to {
-                continue;
+        self.find_ends([low, high], found);
+        loop {
+            found.ends.sort_unstable_by(|a, b| a.q.total_cmp(&b.q));
+            find_places(self.glossy.instructions, self, &found.ends, places);
+            self.find_pieces(found, places, pieces);
+            if !self.widen_steps(found, places, pieces) {
+                break;
             }
-            let middle = 0.5 * (from + to);
-            let rate = self.rate(middle, &passages);
-            let [begins, is_over] = [pair[0].passage, pair[1].passage];
-            let is_passage = begins.is_some() && begins == is_over;
-            let next = if is_passage && count_covering(middle, &passages) == 1 {
-                Piece::passage([from, to], rate)
+            found.ends.retain(|end| low <= end.q && end.q <= high);
+        }
+        for piece in &*pieces {
+            piece.add_lines(places, lines);
+        }
+    }
+
+    /// Finds the pieces between the ends.
+    fn find_pieces(&self, found: &Found, places: &Places, pieces: &mut Vec<Piece>) {
+        pieces.clear();
+        for at in 1..found.ends.len() {
+            let next = self.piece([at - 1, at], found, places);
+            let before = pieces.last().filter(|_| !found.ends[at - 1].kink);
+            let merged = before.and_then(|before| before.merged(&next, self, places));
+            if let (Some(merged), Some(last)) = (merged, pieces.last_mut()) {
+                *last = merged;
             } else {
-                Piece::new(self, [from, to], rate)
-            };
-            let before = piece.take();
-            let merged = before.filter(|_| !pair[0].kink);
-            let merged = merged.and_then(|before| before.merged(&next, self));
-            if let (Some(before), None) = (before, merged) {
-                self.add_lines(&before, scratch);
+                pieces.push(next);
             }
-            piece = Some(merged.unwrap_or(next));
         }
-        if let Some(piece) = piece {
-            self.add_lines(&piece, scratch);
-        }
-        (scratch.passages, scratch.ends) = (passages, ends);
     }
 
-    /// Adds the lines of a piece of the wide axis.
-    fn add_lines(&self, piece: &Piece, scratch: &mut Scratch) {
-        if piece.is_passage {
-            let middle = 0.5 * (piece.from + piece.to);
-            for [off, weight] in Passage::RULE {
-                let line = [middle + off / piece.rate, weight / piece.rate];
-                scratch.lines.push(line);
+    /// Gives steps the two ends of their passages where a line beside them lies in the passage, or another passage goes
+    /// on there. Returns whether there are such.
+    fn widen_steps(&self, found: &mut Found, places: &Places, pieces: &[Piece]) -> bool {
+        let count = found.ends.len();
+        for piece in pieces {
+            for end in piece.ends {
+                let Some(index) = found.ends[end].step else {
+                    continue;
+                };
+                let passage = found.steps[index];
+                let is_alone = found.count_covering(passage.step) == 0;
+                if !is_alone || !piece.keeps_clear(places, passage.half) {
+                    found.widen_step(end, self);
+                }
             }
-            return;
         }
-        let rule = GaussRule::of(piece.lines);
-        // q = 2x/(1 - x^2): a lobe that is wide along q runs to infinity.
-        for (x, weight) in rule.on(half_tangent(piece.from), half_tangent(piece.to)) {
-            let per = 1.0 / (1.0 - x * x);
-            let slope = 2.0 * (1.0 + x * x) * per * per;
-            scratch.lines.push([2.0 * x * per, weight * slope]);
-        }
+        found.ends.len() > count
     }
 
-    /// Gauss points for a piece on which the integral over p changes at this rate. Digits below the last one
-    /// of the whole lobe do not count on a piece that is a small part of it, or on which the lobe is low.
-    fn gauss_points(&self, [from, to]: [f64; 2], rate: f64) -> usize {
-        let nearest = from.max(-to).max(0.0);
-        let low = 0.5 * self.glossy.reflectance.lobe.n_v * about_ln(1.0 + nearest * nearest);
-        let widths = (to - from) * self.per_wide_width;
-        let short = -about_ln(widths.clamp(f64::MIN_POSITIVE, 1.0));
-        let tolerance = self.tolerance.after_fall(FALL_SHARE * low + short);
-        tolerance.points((to - from) * rate, 0.0)
-    }
-
-    /// Whether the lines of a piece without passages lie farther than this from both of its ends.
-    pub fn keeps_clear(&self, [from, to]: [f64; 2], distance: f64) -> bool {
-        let shares = |points| (to - from) * first_gauss_point(points) > distance;
-        // Few pieces take one line; two are quickly ruled out.
-        shares(2) && shares(self.gauss_points([from, to], self.per_wide_width))
+    /// The piece between two ends that follow each other.
+    fn piece(&self, ends: [usize; 2], found: &Found, places: &Places) -> Piece {
+        let [begin, end] = ends.map(|end| &found.ends[end]);
+        let middle = 0.5 * (begin.q + end.q);
+        let rate = self.rate(middle, &found.passages);
+        let is_passage = begin.passage.is_some() && begin.passage == end.passage;
+        if is_passage && found.count_covering(middle) == 1 {
+            Piece::passage(ends, rate)
+        } else {
+            Piece::new(self, places, ends, rate)
+        }
     }
 
     /// How fast the integral over p changes at q: widths of the lobe or of an edge's passage a unit.
@@ -179,11 +207,6 @@ fn first_gauss_point(points: usize) -> f64 {
     let root = 2.36 / (2 * points + 1) as f64;
     let square = root * root;
     square * (1.0 - square * (1.0 / 3.0))
-}
-
-/// tan(atan(q)/2), which stays finite as q does not.
-fn half_tangent(q: f64) -> f64 {
-    q / (1.0 + (1.0 + q * q).sqrt())
 }
 
 #[cfg(test)]
