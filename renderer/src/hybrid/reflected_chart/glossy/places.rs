@@ -140,9 +140,12 @@ impl Stretch {
 
     /// Gauss points where edges pass, and the integral over p changes at this rate.
     fn lines_of_passages(&self, point: &Point<'_>, rate: f64) -> usize {
-        let tolerance = self.tolerance(point, PASSAGE_DIGITS);
-        let lines = tolerance.points((self.to - self.from) * rate, 0.0);
-        lines.max(PASSAGE_LINES_MIN)
+        let lines = |spare_digits: f64| {
+            let tolerance = self.tolerance(point, spare_digits);
+            tolerance.points((self.to - self.from) * rate, 0.0)
+        };
+        // Where all digits ask for one line, one does: a chart of many patches has hundreds of such pieces.
+        lines(PASSAGE_DIGITS).max(lines(0.0).min(PASSAGE_LINES_MIN))
     }
 }
 
