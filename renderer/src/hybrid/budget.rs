@@ -530,8 +530,9 @@ pub mod glossy {
     pub const STEP: f64 = 1e-4;
 
     /// A piece with an edge's passage through the lobe needs so many digits fewer than one without. Measured: what
-    /// changes there is the integral of a density, over a small part of the lobe. With this, and two lines at least,
-    /// such pieces still miss less than the others; with 2 some images take twice as much, for finer rules.
+    /// changes there is the integral of a density, over a small part of the lobe. With this, and two lines at least
+    /// where all digits ask for as many, such pieces still miss less than the others; with 2 some images take twice as
+    /// much, for finer rules.
     pub const PASSAGE_DIGITS: f64 = 1.5;
     pub const PASSAGE_LINES_MIN: usize = 2;
 
