@@ -231,23 +231,32 @@ impl<'a> Block<'a> {
             middle[i] = 0.5 * (from[i] + to[i]);
         }
         let depth = self.depth.values(&middle);
-        let mut positions = [0, 1].map(|axis| self.positions[axis].values(&middle));
+        let (mut across, mut up) = (
+            self.positions[0].values(&middle),
+            self.positions[1].values(&middle),
+        );
         let mut on_chart = [false; LANES];
         let [columns, rows] = point.counts;
         for i in 0..LANES {
             let per_depth = 1.0 / depth[i];
-            let [across, up] = [positions[0][i] * per_depth, positions[1][i] * per_depth];
+            across[i] *= per_depth;
+            up[i] *= per_depth;
+        }
+        for i in 0..LANES {
             on_chart[i] = (depth[i] > 0.0)
                 & (from[i] < to[i])
-                & (across >= 0.0)
-                & (across < columns)
-                & (up >= 0.0)
-                & (up < rows);
-            positions[0][i] = if on_chart[i] { across } else { 0.0 };
-            positions[1][i] = if on_chart[i] { up } else { 0.0 };
+                & (across[i] >= 0.0)
+                & (across[i] < columns)
+                & (up[i] >= 0.0)
+                & (up[i] < rows);
         }
         if on_chart == [false; LANES] {
             return;
+        }
+        let mut positions = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            positions[0][i] = if on_chart[i] { across[i] } else { 0.0 };
+            positions[1][i] = if on_chart[i] { up[i] } else { 0.0 };
         }
         let patches = patches(&positions, point.counts);
         let mut colours = [[0.0; LANES]; 3];

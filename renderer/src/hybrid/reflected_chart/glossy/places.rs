@@ -5,6 +5,7 @@
 //! the height above the sample: next to a piece where one of them changes by much lies a pole or the logarithm's
 //! singularity, and a polynomial serves the less the more.
 
+use super::lanes::Lanes;
 use super::passages::End;
 use super::point::Point;
 use crate::hybrid::budget::glossy::{FALL_SHARE, GROWTH_MAX, PASSAGE_DIGITS, PASSAGE_LINES_MIN};
@@ -59,28 +60,29 @@ kernel! {
         let gap = point.glossy.gap;
         let blocks = (0..ends.len()).step_by(LANES);
         for first in blocks.clone() {
-            let block = first..first + LANES;
-            let q: &[f64; LANES] = places.q[block.clone()].try_into().expect("a whole block");
-            let depth = point.depth.values_on_axis(q);
-            let up = point.up.values_on_axis(q);
-            let half_tangents = &mut places.half_tangent[block.clone()];
-            let ln_depth = &mut places.ln_depth[block.clone()];
-            let ln_height = &mut places.ln_height[block.clone()];
-            let ln_spread = &mut places.ln_spread[block];
+            let q = block(&places.q, first);
+            let depth = point.depth.values_on_axis(&q);
+            let up = point.up.values_on_axis(&q);
+            let [mut half_tangents, mut ln_depth, mut ln_height, mut ln_spread] = [[0.0; LANES]; 4];
             for i in 0..LANES {
                 half_tangents[i] = half_tangent(q[i]);
+            }
+            for i in 0..LANES {
                 ln_depth[i] = about_ln(depth[i].abs());
                 ln_height[i] = about_ln((up[i] + gap * depth[i]).abs()) - ln_depth[i];
                 ln_spread[i] = about_ln(1.0 + q[i] * q[i]);
             }
+            *block_of(&mut places.half_tangent, first) = half_tangents;
+            *block_of(&mut places.ln_depth, first) = ln_depth;
+            *block_of(&mut places.ln_height, first) = ln_height;
+            *block_of(&mut places.ln_spread, first) = ln_spread;
         }
         for first in blocks {
-            let (block, next) = (first..first + LANES, first + 1..first + 1 + LANES);
-            let [q, to] = [&places.q[block.clone()], &places.q[next.clone()]];
-            let depth = [&places.ln_depth[block.clone()], &places.ln_depth[next.clone()]];
-            let height = [&places.ln_height[block.clone()], &places.ln_height[next.clone()]];
-            let spread = [&places.ln_spread[block.clone()], &places.ln_spread[next]];
-            let lines = &mut places.lines[block];
+            let (q, to) = (block(&places.q, first), block(&places.q, first + 1));
+            let depth = [block(&places.ln_depth, first), block(&places.ln_depth, first + 1)];
+            let height = [block(&places.ln_height, first), block(&places.ln_height, first + 1)];
+            let spread = [block(&places.ln_spread, first), block(&places.ln_spread, first + 1)];
+            let mut lines = [0.0; LANES];
             for i in 0..LANES {
                 let piece = Stretch {
                     from: q[i],
@@ -90,8 +92,21 @@ kernel! {
                 };
                 lines[i] = piece.lines(point);
             }
+            *block_of(&mut places.lines, first) = lines;
         }
     }
+}
+
+/// The numbers from an index on, one a lane.
+#[inline(always)]
+fn block(numbers: &[f64], first: usize) -> Lanes {
+    *numbers[first..].first_chunk().expect("a whole block")
+}
+
+/// The same, to be written.
+#[inline(always)]
+fn block_of(numbers: &mut [f64], first: usize) -> &mut Lanes {
+    numbers[first..].first_chunk_mut().expect("a whole block")
 }
 
 /// A stretch of the wide axis between two ends.
