@@ -95,10 +95,14 @@ impl<const N: usize> Batch<N> {
     /// The points, number by number.
     #[inline(always)]
     pub fn blocks(&self) -> impl ExactSizeIterator<Item = [&[f64; LANES]; N]> {
-        (0..self.count.div_ceil(LANES)).map(|block| {
-            self.columns
-                .each_ref()
-                .map(|column| &column.as_chunks().0[block])
+        let columns = self.columns.each_ref().map(|column| column.as_chunks().0);
+        (0..self.count.div_ceil(LANES)).map(move |block| {
+            // `map` would be a call for each block, as kernels do not inline it.
+            let mut numbers = [&[0.0; LANES]; N];
+            for (numbers, column) in numbers.iter_mut().zip(columns) {
+                *numbers = &column[block];
+            }
+            numbers
         })
     }
 
