@@ -6,7 +6,7 @@ use crate::numerics::elementary::ROUND;
 /// Numbers side by side, one a line.
 pub type Lanes = [f64; LANES];
 
-/// Where lines are cut, row by row in ascending order, and `f64::INFINITY` after a line's last.
+/// Where lines begin, are cut and end, row by row in ascending order, and where they end after a line's last cut.
 pub type Cuts = Vec<Lanes>;
 
 /// The column or row of a position, of `count` of them; on an edge it is either neighbour's.
@@ -44,7 +44,7 @@ const FEW_CUTS: usize = 24;
 
 /// Sorts every line's cuts.
 #[inline(always)]
-pub fn sort(cuts: &mut Cuts) {
+pub fn sort(cuts: &mut [Lanes]) {
     if cuts.len() > FEW_CUTS {
         let mut line = Vec::with_capacity(cuts.len());
         for i in 0..LANES {

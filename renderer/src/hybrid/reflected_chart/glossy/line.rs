@@ -63,7 +63,7 @@ fn sum<const N: usize>(
         block.cut(point, cuts);
         let mut seen = block.pieces::<N>(point, table, cuts);
         let lines = weight.iter().filter(|weight| **weight != 0.0).count();
-        sums.evaluations += (lines * (N + cuts.len() + edges / EDGES_AN_EVALUATION)) as u32;
+        sums.evaluations += (lines * (N + cuts.len() - 2 + edges / EDGES_AN_EVALUATION)) as u32;
         if seen.used != [false; PARTS] {
             block.add_points(point, order, weight, &mut seen, &mut sums);
         }
@@ -128,11 +128,12 @@ impl<'a> Block<'a> {
         dark == [true; LANES]
     }
 
-    /// Finds where lines are cut: at edges of patches and bends of the integrand.
+    /// Finds where lines are cut: at edges of patches and bends of the integrand, and at either end.
     #[inline(always)]
     fn cut(&self, point: &Point<'_>, cuts: &mut Cuts) {
         cuts.clear();
-        let mut counts = [0; LANES];
+        cuts.push(self.reach.map(|reach| -reach));
+        let mut counts = [1; LANES];
         let plane = &point.glossy.plane;
         for (axis, count) in [plane.columns, plane.rows].into_iter().enumerate() {
             let (position, other) = (&self.positions[axis], &self.positions[1 - axis]);
@@ -161,7 +162,8 @@ impl<'a> Block<'a> {
                 }
             }
         }
-        sort(cuts);
+        sort(&mut cuts[1..]);
+        cuts.push(self.reach);
     }
 
     /// Adds those of some cuts that lie in reach.
@@ -170,7 +172,7 @@ impl<'a> Block<'a> {
         for i in 0..LANES {
             if zeros[i].abs() < self.reach[i] {
                 if counts[i] == cuts.len() {
-                    cuts.push([f64::INFINITY; LANES]);
+                    cuts.push(self.reach);
                 }
                 cuts[counts[i]][i] = zeros[i];
                 counts[i] += 1;
@@ -187,18 +189,16 @@ impl<'a> Block<'a> {
             middle: [[0.0; LANES]; 2],
             span: [[f64::INFINITY; LANES], [f64::NEG_INFINITY; LANES]],
         };
-        let mut from = self.reach.map(|reach| -reach);
         let mut below = [[0.0; LANES]; N];
-        for index in 0..=cuts.len() {
-            let (mut to, mut z) = (self.reach, [TABLE_END; LANES]);
-            let above = if let Some(cuts) = cuts.get(index) {
+        for (index, to) in cuts.iter().enumerate().skip(1) {
+            let above = if index + 1 < cuts.len() {
+                let mut z = [0.0; LANES];
                 for i in 0..LANES {
-                    let inside = cuts[i] < self.reach[i];
-                    to[i] = if inside { cuts[i] } else { to[i] };
+                    let inside = to[i] < self.reach[i];
                     z[i] = if inside {
-                        cuts[i] * self.per_width[i]
+                        to[i] * self.per_width[i]
                     } else {
-                        z[i]
+                        TABLE_END
                     };
                 }
                 moments::up_to(table, &z)
@@ -211,8 +211,8 @@ impl<'a> Block<'a> {
                     piece[k][i] = above[k][i] - below[k][i];
                 }
             }
-            self.add_piece(point, [&from, &to], &piece, &mut seen);
-            (from, below) = (to, above);
+            self.add_piece(point, [&cuts[index - 1], to], &piece, &mut seen);
+            below = above;
         }
         seen
     }
