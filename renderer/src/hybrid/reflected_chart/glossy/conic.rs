@@ -110,33 +110,40 @@ impl Conics {
     /// Where their zeros lie this far from the line p = 0.
     #[inline(always)]
     pub fn zeros_beside_axis(&self, distance: f64) -> [Lanes; 2] {
-        let (mut c0, mut c1) = ([0.0; LANES], [0.0; LANES]);
-        for i in 0..LANES {
-            c0[i] = self.one[i] + distance * (self.p[i] + distance * self.pp[i]);
-            c1[i] = self.q[i] + distance * self.pq[i];
-        }
+        let [c0, c1] = self.beside_axis(distance);
         zeros(&c0, &c1, &self.qq)
     }
 
     /// Which have zeros this far from the line p = 0.
     #[inline(always)]
     pub fn cross_beside_axis(&self, distance: f64) -> [bool; LANES] {
+        let [c0, c1] = self.beside_axis(distance);
         let mut cross = [false; LANES];
         for i in 0..LANES {
-            let c0 = self.one[i] + distance * (self.p[i] + distance * self.pp[i]);
-            let c1 = self.q[i] + distance * self.pq[i];
-            cross[i] = c1 * c1 >= 4.0 * c0 * self.qq[i];
+            cross[i] = c1[i] * c1[i] >= 4.0 * c0[i] * self.qq[i];
         }
         cross
+    }
+
+    /// The constant and the linear coefficient in q this far from the line p = 0.
+    #[inline(always)]
+    fn beside_axis(&self, distance: f64) -> [Lanes; 2] {
+        let [mut c0, mut c1] = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            c0[i] = self.one[i] + distance * (self.p[i] + distance * self.pp[i]);
+            c1[i] = self.q[i] + distance * self.pq[i];
+        }
+        [c0, c1]
     }
 
     /// The p of their zeros nearest to p = 0 at these q, about.
     #[inline(always)]
     pub fn near_axis(&self, q: &Lanes) -> Lanes {
+        let [by_p, _] = self.gradient(q);
         let mut near = [0.0; LANES];
         for i in 0..LANES {
             let value = self.one[i] + q[i] * (self.q[i] + q[i] * self.qq[i]);
-            near[i] = -value / (self.p[i] + self.pq[i] * q[i]);
+            near[i] = -value / by_p[i];
         }
         near
     }
@@ -144,10 +151,10 @@ impl Conics {
     /// By how much their zeros bend along p over these distances from q, at (0, q).
     #[inline(always)]
     pub fn bend(&self, q: &Lanes, distance: &Lanes) -> Lanes {
+        let [by_p, _] = self.gradient(q);
         let mut bend = [0.0; LANES];
         for i in 0..LANES {
-            let along = self.p[i] + self.pq[i] * q[i];
-            bend[i] = (self.qq[i] * distance[i] * distance[i] / along).abs();
+            bend[i] = (self.qq[i] * distance[i] * distance[i] / by_p[i]).abs();
         }
         bend
     }
@@ -155,12 +162,11 @@ impl Conics {
     /// How their zeros bend along q from (0, q) on: half the second derivative of q by p.
     #[inline(always)]
     pub fn bend_along_q(&self, q: &Lanes) -> Lanes {
+        let [by_p, by_q] = self.gradient(q);
         let mut bend = [0.0; LANES];
         for i in 0..LANES {
-            let along = self.p[i] + self.pq[i] * q[i];
-            let across = self.q[i] + 2.0 * self.qq[i] * q[i];
-            let slope = -along / across;
-            bend[i] = -(self.pp[i] + slope * (self.pq[i] + slope * self.qq[i])) / across;
+            let slope = -by_p[i] / by_q[i];
+            bend[i] = -(self.pp[i] + slope * (self.pq[i] + slope * self.qq[i])) / by_q[i];
         }
         bend
     }
@@ -168,15 +174,25 @@ impl Conics {
     /// How fast their zeros move along p with q, at (0, q): |dp/dq|, infinite where they run along p.
     #[inline(always)]
     pub fn drift(&self, q: &Lanes) -> Lanes {
+        let [by_p, by_q] = self.gradient(q);
         let mut drift = [0.0; LANES];
         for i in 0..LANES {
-            let along = self.p[i] + self.pq[i] * q[i];
-            let across = self.q[i] + 2.0 * self.qq[i] * q[i];
             // Where neither is anything the edge stands still. A choice of quotients would be a branch.
-            let along = if across == 0.0 { 1.0 } else { along };
-            drift[i] = (across / along).abs();
+            let along = if by_q[i] == 0.0 { 1.0 } else { by_p[i] };
+            drift[i] = (by_q[i] / along).abs();
         }
         drift
+    }
+
+    /// The derivatives by p and by q, at (0, q).
+    #[inline(always)]
+    fn gradient(&self, q: &Lanes) -> [Lanes; 2] {
+        let [mut by_p, mut by_q] = [[0.0; LANES]; 2];
+        for i in 0..LANES {
+            by_p[i] = self.p[i] + self.pq[i] * q[i];
+            by_q[i] = self.q[i] + 2.0 * self.qq[i] * q[i];
+        }
+        [by_p, by_q]
     }
 }
 
