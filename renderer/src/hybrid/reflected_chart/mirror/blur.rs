@@ -13,11 +13,6 @@ const MOMENT_POINTS: usize = 6;
 /// Below this step over a pixel, in units of the blur, the closed forms lose digits, and [`MOMENT_POINTS`] serve.
 const GENTLE: f64 = 0.3;
 
-/// Points along the integral by which a normal distribution of two variables is known, up to a correlation; and the
-/// largest for which any serve.
-const CORRELATION_POINTS: [(f64, usize); 2] = [(0.7, 5), (CORRELATION_MAX, 12)];
-pub const CORRELATION_MAX: f64 = 0.9;
-
 /// Points across a pixel for a corner.
 #[derive(Clone, Copy, Debug)]
 pub struct CornerPoints {
@@ -69,6 +64,15 @@ pub struct Means {
     pub first: [f64; 2],
 }
 
+impl Means {
+    /// Adds a point that is worth so much.
+    pub fn add(&mut self, u: [f64; 2], value: f64) {
+        self.share += value;
+        self.first[0] += value * u[0];
+        self.first[1] += value * u[1];
+    }
+}
+
 impl std::ops::Add for Means {
     type Output = Self;
 
@@ -97,7 +101,7 @@ pub fn normal(t: f64) -> f64 {
 }
 
 /// The normal density.
-fn density(t: f64) -> f64 {
+pub fn density(t: f64) -> f64 {
     libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt()
 }
 
@@ -195,43 +199,15 @@ pub fn meeting(a: &Edge, b: &Edge) -> Option<[f64; 2]> {
     is_met.then_some(point)
 }
 
-/// The share below two edges at a point where they lie at `a` and `b`, of which the blurs are correlated.
-pub fn below_both([a, b]: [f64; 2], correlation: f64) -> f64 {
-    let product = normal(a) * normal(b);
-    if correlation == 0.0 {
-        return product;
-    }
-    let angle = libm::asin(correlation);
-    let [(moderate, few), (_, many)] = CORRELATION_POINTS;
-    let points = if correlation.abs() <= moderate {
-        few
-    } else {
-        many
-    };
-    let mut sum = 0.0;
-    for (theta, weight) in GaussRule::of(points).on(0.0, angle) {
-        let (sin, cos) = (libm::sin(theta), libm::cos(theta));
-        let exponent = (a * a + b * b - 2.0 * a * b * sin) / (2.0 * cos * cos);
-        sum += weight * libm::exp(-exponent);
-    }
-    product + sum / (2.0 * PI)
-}
-
-/// Over the pixel, of what lies below two edges that are not steep.
-pub fn means_below_both([a, b]: [&Edge; 2], correlation: f64, points: CornerPoints) -> Means {
+/// Points across a pixel for a corner of two edges that are not steep, from its middle, and their weights.
+pub fn points_across([a, b]: [&Edge; 2], points: CornerPoints) -> Vec<([f64; 2], f64)> {
     let steepest = a.steepest().max(b.steepest());
     let rule = GaussRule::of((points.least + points.per_blur * steepest) as usize);
-    let mut means = Means::default();
-    for (u, weight) in rule.on(-0.5, 0.5) {
-        for (v, other) in rule.on(-0.5, 0.5) {
-            let value =
-                weight * other * below_both([a, b].map(|edge| edge.at([u, v])), correlation);
-            means.share += value;
-            means.first[0] += value * u;
-            means.first[1] += value * v;
-        }
-    }
-    means
+    let column = |(u, weight): (f64, f64)| {
+        let rows = rule.on(-0.5, 0.5);
+        rows.map(move |(v, other)| ([u, v], weight * other))
+    };
+    rule.on(-0.5, 0.5).flat_map(column).collect()
 }
 
 /// Points of a part of the pixel about a film point, from there, and their weights: on pieces that none of the edges
@@ -264,17 +240,25 @@ pub fn points_of<'a>(
 pub fn means_by(points: &[([f64; 2], f64)], share: &dyn Fn([f64; 2]) -> f64) -> Means {
     let mut means = Means::default();
     for &(u, weight) in points {
-        let value = weight * share(u);
-        means.share += value;
-        means.first[0] += value * u[0];
-        means.first[1] += value * u[1];
+        means.add(u, weight * share(u));
     }
     means
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::correlation::Correlation;
     use super::*;
+    use crate::numerics::instructions::Instructions;
+
+    fn means_below_both(
+        correlation: &Correlation,
+        edges: [&Edge; 2],
+        points: CornerPoints,
+    ) -> Means {
+        let points = points_across(edges, points);
+        correlation.means_below_both(Instructions::widest(), edges, &points)
+    }
 
     /// By many points.
     fn by_points(share: impl Fn([f64; 2]) -> f64) -> Means {
@@ -346,10 +330,11 @@ mod tests {
             let b = &EDGES[(index + 3) % EDGES.len()];
             for correlation in [0.0, 0.1, -0.6] {
                 let fine = CornerPoints::FINE;
-                let means = means_below_both([a, b], correlation, fine);
-                let expected = by_points(|u| below_both([a.at(u), b.at(u)], correlation));
+                let correlation = Correlation::new(correlation);
+                let means = means_below_both(&correlation, [a, b], fine);
+                let expected = by_points(|u| correlation.below_both([a.at(u), b.at(u)]));
                 let off = (means.share - expected.share).abs();
-                assert!(off < fine.off, "{a:?} {b:?} {correlation}: {off}");
+                assert!(off < fine.off, "{a:?} {b:?}: {off}");
                 for (first, expected) in means.first.iter().zip(expected.first) {
                     assert!((first - expected).abs() < 2e-5);
                 }
@@ -362,7 +347,7 @@ mod tests {
         for (index, a) in EDGES.iter().enumerate() {
             let b = &EDGES[(index + 3) % EDGES.len()];
             let [coarse, fine] = [CornerPoints::COARSE, CornerPoints::FINE]
-                .map(|points| means_below_both([a, b], 0.3, points));
+                .map(|points| means_below_both(&Correlation::new(0.3), [a, b], points));
             let off = (coarse.share - fine.share).abs();
             assert!(off < CornerPoints::COARSE.off, "{a:?} {b:?}: {off}");
         }
@@ -389,32 +374,6 @@ mod tests {
                 "{edge:?} {means:?}"
             );
             assert!((means.first[0] - expected.first[0]).abs() < 2e-5);
-        }
-    }
-
-    /// Against the distribution along one variable for each value of the other.
-    #[test]
-    fn two_correlated_blurs_are_what_their_density_says() {
-        for correlation in [0.3, -0.3, 0.65, -0.65, 0.75, 0.9, -0.9] {
-            let spread = libm::sqrt(1.0 - correlation * correlation);
-            for [a, b] in [
-                [0.3, -0.2],
-                [1.5, 1.0],
-                [-2.0, 1.0],
-                [0.0, 0.0],
-                [-1.0, -1.5],
-            ] {
-                let rule = GaussRule::of(64);
-                let expected: f64 = rule
-                    .on(-9.0, a)
-                    .map(|(t, weight)| weight * density(t) * normal((b - correlation * t) / spread))
-                    .sum();
-                let found = below_both([a, b], correlation);
-                assert!(
-                    (found - expected).abs() < 1e-5,
-                    "{a} {b} {correlation}: {found} {expected}"
-                );
-            }
         }
     }
 }

@@ -7,6 +7,7 @@
 //! Pixels that miss more than they may are left to tiles.
 
 mod blur;
+mod correlation;
 mod image;
 mod looks;
 mod pixel;
@@ -443,7 +444,10 @@ impl<'a> Worker<'a> {
         let off = looks.off(pixel, &self.stretches(pixel), self.reach)?;
         let light = White::over(pixel, cell);
         let (mut value, mut palest) = ([0.0; 3], 0.0f64);
-        for (patch, means) in pixel.patches().zip(pixel.shares(self.corner_points)?) {
+        for (patch, means) in pixel
+            .patches()
+            .zip(pixel.shares(self.near.view.instructions, self.corner_points)?)
+        {
             let colour = self.colour(patch);
             palest = colour.into_iter().fold(palest, f64::max);
             for channel in 0..3 {

@@ -1,7 +1,9 @@
 //! A pixel and the patches that show on it.
 
-use super::blur::{self, CORRELATION_MAX, CornerPoints, Edge, Means};
+use super::blur::{self, CornerPoints, Edge, Means};
+use super::correlation::{CORRELATION_MAX, Correlation};
 use super::image::{Blur, Mirror};
+use crate::numerics::instructions::Instructions;
 use crate::numerics::polygon::{Polygon, Rectangle};
 use std::iter;
 use std::ops::{Add, Sub};
@@ -139,15 +141,22 @@ impl Pixel {
     }
 
     /// What the pixel has of them. `None` where the blurs of a corner's edges are too much correlated.
-    pub fn shares(&self, corner_points: CornerPoints) -> Option<Vec<Means>> {
+    pub fn shares(
+        &self,
+        instructions: Instructions,
+        corner_points: CornerPoints,
+    ) -> Option<Vec<Means>> {
         let all = Means {
             share: 1.0,
             first: [0.0; 2],
         };
         let edges = || self.along.iter().flat_map(|along| &along.edges);
+        if self.has_corners() && self.correlation.abs() > CORRELATION_MAX {
+            return None;
+        }
+        let correlation = Correlation::new(self.correlation);
         let is_steep = self.has_corners() && edges().any(Edge::is_steep);
         let part = match &self.part {
-            _ if self.has_corners() && self.correlation.abs() > CORRELATION_MAX => return None,
             Some(part) => *part,
             None if is_steep => {
                 let Rectangle { low, high } = Rectangle::pixel(self.at.0, self.at.1);
@@ -155,8 +164,8 @@ impl Pixel {
             }
             None => {
                 return self.parts(all, Edge::means, |a, b| {
-                    let means = blur::means_below_both([a, b], self.correlation, corner_points);
-                    Some(means)
+                    let points = blur::points_across([a, b], corner_points);
+                    Some(correlation.means_below_both(instructions, [a, b], &points))
                 });
             }
         };
@@ -165,18 +174,14 @@ impl Pixel {
         self.parts(
             sum(&|_| 1.0),
             |edge| sum(&|u| blur::normal(edge.at(u))),
-            |a, b| {
-                Some(sum(&|u| {
-                    blur::below_both([a.at(u), b.at(u)], self.correlation)
-                }))
-            },
+            |a, b| Some(correlation.means_below_both(instructions, [a, b], &points)),
         )
     }
 
     /// The same at a point.
     pub fn shares_at(&self, u: [f64; 2]) -> Vec<f64> {
-        let both =
-            |a: &Edge, b: &Edge| Some(blur::below_both([a.at(u), b.at(u)], self.correlation));
+        let correlation = Correlation::new(self.correlation);
+        let both = |a: &Edge, b: &Edge| Some(correlation.below_both([a.at(u), b.at(u)]));
         self.parts(1.0, |edge| blur::normal(edge.at(u)), both)
             .unwrap_or_default()
     }
