@@ -58,17 +58,18 @@ pub fn encode(
     header: &ImageHeader,
     white_luminance: f64,
 ) -> std::result::Result<Vec<u8>, ExrError> {
-    match pixel {
+    let samples = match pixel {
         Pixel::Half => {
             if let Some(value) = too_bright(film) {
                 return Err(ExrError::TooBright { value });
             }
             // The conversion that ignores the processor: the other rounds twice where the machine
             // converts in hardware.
-            encode_as(film, header, white_luminance, f16::from_f64_const)
+            planes(film, f16::from_f64_const).map(FlatSamples::F16)
         }
-        Pixel::Float => encode_as(film, header, white_luminance, |value| value as f32),
-    }
+        Pixel::Float => planes(film, |value| value as f32).map(FlatSamples::F32),
+    };
+    encode_samples(film, header, white_luminance, samples)
 }
 
 /// The pixels of `film` as a file of this pixel type has them, row by row from the top.
@@ -81,26 +82,34 @@ pub fn stored_pixels(film: &Film, pixel: Pixel) -> impl ExactSizeIterator<Item =
     pixels.map(move |pixel| pixel.value.map(stored))
 }
 
+/// From here on a number rounds to a 16-bit infinity: halfway from the largest finite one to the next power of two.
+const ROUNDS_TO_INFINITY: f64 = 65_520.0;
+
 /// The first channel that would round to a 16-bit infinity.
 fn too_bright(film: &Film) -> Option<f64> {
-    film.pixels
-        .iter()
-        .flat_map(|pixel| pixel.value)
-        .find(|&value| f16::from_f64_const(value).is_infinite())
+    let mut values = film.pixels.iter().flat_map(|pixel| pixel.value);
+    values.find(|value| value.abs() >= ROUNDS_TO_INFINITY)
 }
 
-fn encode_as<T: IntoSample + Copy + Default>(
+/// Each channel of all pixels, row by row from the top.
+fn planes<T>(film: &Film, convert: impl Fn(f64) -> T) -> [Vec<T>; 3] {
+    [0, 1, 2].map(|channel| {
+        let values = film.pixels.iter().map(|pixel| pixel.value[channel]);
+        values.map(&convert).collect()
+    })
+}
+
+/// Encodes red, green and blue of a film as they are stored.
+fn encode_samples(
     film: &Film,
     header: &ImageHeader,
     white_luminance: f64,
-    convert: impl Fn(f64) -> T + Sync,
+    samples: [FlatSamples; 3],
 ) -> std::result::Result<Vec<u8>, ExrError> {
-    let width = film.width as usize;
-    let channels = SpecificChannels::rgb(|position: Vec2<usize>| {
-        let FilmPixel { value, .. } = film.pixels[position.y() * width + position.x()];
-        let [red, green, blue] = value.map(&convert);
-        (red, green, blue)
-    });
+    // Whole lines are copied; of channels by pixel the library copies every sample.
+    let channels = ["R", "G", "B"].into_iter().zip(samples);
+    let channels = channels.map(|(name, samples)| AnyChannel::new(name, samples));
+    let channels = AnyChannels::sort(channels.collect());
     let attributes = attributes(header, white_luminance)?;
     let mut image = Image::from_layer(layer(film, attributes, channels));
     let [

@@ -64,20 +64,6 @@ impl<const N: usize> Batch<N> {
         self.columns[number][..self.begun].fill(value);
     }
 
-    /// Takes the first blocks out.
-    ///
-    /// # Panics
-    /// When there are not so many full blocks.
-    pub fn drop_blocks(&mut self, blocks: usize) {
-        let points = blocks * LANES;
-        assert!(points <= self.count, "{points} of {}", self.count);
-        for column in &mut self.columns {
-            column.copy_within(points..self.begun, 0);
-        }
-        self.count -= points;
-        self.begun -= points;
-    }
-
     /// How many points there are.
     pub fn count(&self) -> usize {
         self.count
@@ -149,31 +135,6 @@ mod tests {
         }
         batch.clear();
         assert_eq!(batch.blocks().len(), 0);
-    }
-
-    /// Whenever full blocks are taken out, what comes after them is as it would have been.
-    #[test]
-    fn blocks_taken_out_leave_the_others_as_they_were() {
-        let counts = [4, 1, 3, 2, 4, 4, 1, 4, 4, 3, 2];
-        for when in 0..counts.len() {
-            let [mut whole, mut parted] = [Batch::<1>::default(), Batch::default()];
-            let mut found: Vec<f64> = Vec::new();
-            for (step, count) in counts.into_iter().enumerate() {
-                let first = 10.0 * step as f64;
-                let values = [std::array::from_fn(|i| first + i as f64)];
-                whole.push_of_four(values, count);
-                parted.push_of_four(values, count);
-                if step == when {
-                    let full = parted.count() / LANES;
-                    found.extend(parted.blocks().take(full).flat_map(|[column]| *column));
-                    parted.drop_blocks(full);
-                    assert!(parted.count() < LANES, "{when}");
-                }
-            }
-            found.extend(parted.blocks().flat_map(|[column]| *column));
-            let expected: Vec<f64> = whole.blocks().flat_map(|[column]| *column).collect();
-            assert_eq!(found, expected, "{when}");
-        }
     }
 
     #[test]

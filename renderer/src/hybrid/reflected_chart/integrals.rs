@@ -1,17 +1,71 @@
 //! The integrals of light over the directions of a cubature, for a lobe that is not glossy.
 
-use crate::numerics::batch::{Batch, FOUR, LANES, total};
+use crate::numerics::batch::{FOUR, LANES, total};
 use crate::numerics::instructions::{Instructions, kernel};
 use crate::reflectance::{lobe::Lobe, specular};
 use crate::vector::Vec3;
 
-/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times
-/// the rule's weight in each channel.
-pub type LightBatch = Batch<6>;
-
 /// Directions that are gathered before the light from them is added up: a narrow lobe beside many patches has
 /// tens of thousands, which took megabytes. Chosen so that a batch stays in the nearest cache.
 const FULL: usize = 512;
+
+/// Room for one block more.
+const ROOM: usize = FULL + LANES;
+
+/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times the rule's weight in
+/// each channel. Number by number, in room that does not move: it is written to for every four points.
+pub struct LightBatch {
+    numbers: Box<[[f64; ROOM]; 6]>,
+    count: usize,
+}
+
+impl Default for LightBatch {
+    fn default() -> Self {
+        Self {
+            numbers: Box::new([[0.0; ROOM]; 6]),
+            count: 0,
+        }
+    }
+}
+
+impl LightBatch {
+    /// Adds the first `count` of four points, and the others where the next ones will be.
+    #[inline(always)]
+    fn push_of_four(&mut self, points: [[f64; FOUR]; 6], count: usize) {
+        let room = self.count..self.count + FOUR;
+        for (numbers, values) in self.numbers.iter_mut().zip(points) {
+            numbers[room.clone()].copy_from_slice(&values);
+        }
+        self.count += count;
+    }
+
+    /// A block of points.
+    #[inline(always)]
+    fn block(&self, block: usize) -> [&[f64; LANES]; 6] {
+        let mut numbers = [&[0.0; LANES]; 6];
+        for (numbers, column) in numbers.iter_mut().zip(&*self.numbers) {
+            *numbers = &column.as_chunks().0[block];
+        }
+        numbers
+    }
+
+    /// Takes the first blocks out.
+    fn drop_blocks(&mut self, blocks: usize) {
+        let points = blocks * LANES;
+        for numbers in &mut *self.numbers {
+            numbers.copy_within(points..self.count, 0);
+        }
+        self.count -= points;
+    }
+
+    /// Fills the last block up with what weighs nothing.
+    fn fill_up(&mut self) {
+        let end = self.count.next_multiple_of(LANES);
+        for numbers in &mut *self.numbers {
+            numbers[self.count..end].fill(0.0);
+        }
+    }
+}
 
 /// What the light is multiplied by.
 pub struct Integrand<'a> {
@@ -38,7 +92,7 @@ pub struct Integrals<'a> {
 impl<'a> Integrals<'a> {
     /// Over no directions yet. `batch` is emptied.
     pub fn new(integrand: Integrand<'a>, batch: &'a mut LightBatch) -> Self {
-        batch.clear();
+        batch.count = 0;
         Self {
             integrand,
             batch,
@@ -51,14 +105,15 @@ impl<'a> Integrals<'a> {
     #[inline(always)]
     pub fn push_of_four(&mut self, points: [[f64; FOUR]; 6], count: usize) {
         self.batch.push_of_four(points, count);
-        if self.batch.count() >= FULL {
+        if self.batch.count >= FULL {
             self.add_whole_blocks();
         }
     }
 
     /// The integrals, and over how many directions.
     pub fn finish(mut self) -> ([[f64; 3]; 3], u32) {
-        let count = self.batch.count();
+        let count = self.batch.count;
+        self.batch.fill_up();
         self.add(count.div_ceil(LANES));
         let count = self.added + count;
         (self.sums.map(|channels| channels.map(total)), count as u32)
@@ -67,7 +122,7 @@ impl<'a> Integrals<'a> {
     /// Adds up what fills blocks. Which directions share a lane does not depend on when that happens.
     #[inline(never)]
     fn add_whole_blocks(&mut self) {
-        let blocks = self.batch.count() / LANES;
+        let blocks = self.batch.count / LANES;
         self.add(blocks);
         self.batch.drop_blocks(blocks);
         self.added += blocks * LANES;
@@ -93,7 +148,8 @@ kernel! {
         // The lobe's axes in the world's frame.
         let u = lobe.to_surface(Vec3::new(1.0, 0.0, 0.0));
         let mut added = *sums;
-        for [x, y, z, r, g, b] in batch.blocks().take(blocks) {
+        for block in 0..blocks {
+            let [x, y, z, r, g, b] = batch.block(block);
             let mut terms = [[0.0; LANES]; 3];
             for i in 0..LANES {
                 let (hx, hy, hz) = (x[i] + wo.x, y[i] + wo.y, z[i] + wo.z);
@@ -156,7 +212,7 @@ mod tests {
             let [x, y, z] = direction;
             let [r, g, b] = [r, g, b].map(|light| weights.map(|weight| weight * light));
             integrals.push_of_four([x, y, z, r, g, b], count);
-            assert!(integrals.batch.count() < FULL);
+            assert!(integrals.batch.count < FULL);
             directions += count;
             for (sum, light) in diffuse.iter_mut().zip(light) {
                 *sum += count as f64 * height * light;

@@ -8,6 +8,7 @@
 //! parts of patches need four times the parts, and so four times the work, for an eighth of the error.
 
 use crate::hybrid::chart_on_film::ChartOnFilm;
+use crate::numerics::batch::FOUR;
 use crate::numerics::elementary::log1p;
 use crate::scene::ChartPlane;
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -50,7 +51,7 @@ pub const PARABOLA: usize = 3;
 pub const QUARTIC: usize = 5;
 
 /// Points of the polynomial up a patch whose light a quartic tells across, in the same way: (1 - cos(k pi / 8)) / 2.
-const UP_MAX: usize = 9;
+pub const UP_MAX: usize = 9;
 
 const QUARTIC_NODES: [f64; QUARTIC] = [
     0.0,
@@ -258,12 +259,12 @@ impl<const NODES: usize> LitChart<NODES> {
     pub fn light_across(&self, column: u32, row: u32, height: f64) -> [[f64; 3]; NODES] {
         let first = self.patch(column, row) * Nodes::<NODES>::UP;
         let light = &self.light[first..first + Nodes::<NODES>::UP];
-        let weights = up_weights::<NODES>(self.heights.within(row, height));
+        let weights = up_weights::<NODES, 1>(&[self.heights.within(row, height)]);
         let mut across = [[0.0; 3]; NODES];
         for up in 0..Nodes::<NODES>::UP {
             for node in 0..NODES {
                 for i in 0..3 {
-                    across[node][i] += weights[up] * light[up][node][i];
+                    across[node][i] += weights[up][0] * light[up][node][i];
                 }
             }
         }
@@ -291,10 +292,14 @@ impl<const NODES: usize> From<LitChart<NODES>> for RadiantChart<NODES> {
 }
 
 impl<const NODES: usize> RadiantChart<NODES> {
-    /// The weights of the nodes up a row of patches, at a height in metres.
+    /// The weights of the nodes up a row of patches, at heights in metres.
     #[inline(always)]
-    pub fn weights_up(&self, row: u32, height: f64) -> [f64; UP_MAX] {
-        up_weights::<NODES>(self.heights.within(row, height))
+    pub fn weights_up(&self, row: u32, heights: &[f64; FOUR]) -> [[f64; FOUR]; UP_MAX] {
+        let mut within = [0.0; FOUR];
+        for i in 0..FOUR {
+            within[i] = self.heights.within(row, heights[i]);
+        }
+        up_weights::<NODES, FOUR>(&within)
     }
 
     /// The radiance of a patch at its points across, at the height of these weights.
@@ -339,19 +344,24 @@ fn quartic_weights(along: f64) -> [f64; QUARTIC] {
     ]
 }
 
-/// The weights of the points up a patch, at `up`; zeros beyond the last.
+/// The weights of the points up a patch, at each `up`; zeros beyond the last.
 #[inline(always)]
-fn up_weights<const NODES: usize>(up: f64) -> [f64; UP_MAX] {
+fn up_weights<const NODES: usize, const N: usize>(up: &[f64; N]) -> [[f64; N]; UP_MAX] {
     if NODES == QUARTIC {
         return lagrange(up);
     }
-    let [a, b, c, d, e] = quartic_weights(up);
-    [a, b, c, d, e, 0.0, 0.0, 0.0, 0.0]
+    let mut weights = [[0.0; N]; UP_MAX];
+    for i in 0..N {
+        let [a, b, c, d, e] = quartic_weights(up[i]);
+        (weights[0][i], weights[1][i], weights[2][i]) = (a, b, c);
+        (weights[3][i], weights[4][i]) = (d, e);
+    }
+    weights
 }
 
-/// Lagrange's weights of the points [`UP_NODES`], at `up`.
+/// Lagrange's weights of the points [`UP_NODES`], at each `up`.
 #[inline(always)]
-fn lagrange(up: f64) -> [f64; UP_MAX] {
+fn lagrange<const N: usize>(up: &[f64; N]) -> [[f64; N]; UP_MAX] {
     const SCALES: [f64; UP_MAX] = {
         let mut scales = [1.0; UP_MAX];
         let (mut node, mut other) = (0, 0);
@@ -366,15 +376,19 @@ fn lagrange(up: f64) -> [f64; UP_MAX] {
         }
         scales
     };
-    let mut weights = SCALES;
+    let mut weights = SCALES.map(|scale| [scale; N]);
     // From either end the product of the distances to the points passed.
-    let (mut before, mut after) = (1.0, 1.0);
+    let (mut before, mut after) = ([1.0; N], [1.0; N]);
     for node in 0..UP_MAX {
-        weights[node] *= before;
-        before *= up - UP_NODES[node];
+        for i in 0..N {
+            weights[node][i] *= before[i];
+            before[i] *= up[i] - UP_NODES[node];
+        }
         let node = UP_MAX - 1 - node;
-        weights[node] *= after;
-        after *= up - UP_NODES[node];
+        for i in 0..N {
+            weights[node][i] *= after[i];
+            after[i] *= up[i] - UP_NODES[node];
+        }
     }
     weights
 }
@@ -412,7 +426,7 @@ mod tests {
                 }
             }
             for (node, up) in up.iter().enumerate() {
-                for (other, weight) in up_weights::<NODES>(*up).into_iter().enumerate() {
+                for (other, [weight]) in up_weights::<NODES, 1>(&[*up]).into_iter().enumerate() {
                     let expected = if other == node { 1.0 } else { 0.0 };
                     assert!(
                         (weight - expected).abs() < 1e-13,
@@ -421,7 +435,7 @@ mod tests {
                 }
             }
             let [across, ..] = polynomial(&values, 0.3);
-            let up: f64 = up_weights::<NODES>(0.3).into_iter().sum();
+            let up: f64 = up_weights::<NODES, 1>(&[0.3]).as_flattened().iter().sum();
             assert!((across - 1.0).abs() < 1e-14 && (up - 1.0).abs() < 1e-13);
         }
         check::<PARABOLA>();

@@ -2,6 +2,7 @@
 
 use crate::hybrid::budget::is_glossy;
 use crate::hybrid::budget::wide::{TAIL_DIGITS, WINDOW_REACH_MAX};
+use crate::numerics::batch::LANES;
 use crate::numerics::tolerance::Tolerance;
 use crate::reflectance::Reflectance;
 use crate::reflectance::lobe::Lobe;
@@ -108,15 +109,20 @@ impl Window {
         self.ridge.is_some()
     }
 
-    /// How many of the lobe's widths long a turn of light from the plane across x is, for each radian, at this sine
+    /// How many of the lobe's widths long a turn of light from the plane across x is, for each radian, at these sines
     /// from the plane. `across` are the cosine and the sine of its angle in the plane. `None` for a lobe that is no
     /// ridge.
     #[inline(always)]
-    pub fn widths_sideways(&self, sine: f64, [y, z]: [f64; 2]) -> Option<f64> {
+    pub fn widths_sideways(&self, sines: &[f64; LANES], [y, z]: [f64; 2]) -> Option<[f64; LANES]> {
         let ridge = self.ridge.as_ref()?;
-        let cos = (1.0 - sine * sine).max(0.0).sqrt();
-        let turn = Vec3::new(cos, -sine * y, -sine * z);
-        Some(ridge.widths(Vec3::new(sine, cos * y, cos * z), turn))
+        let mut widths = [0.0; LANES];
+        for i in 0..LANES {
+            let sine = sines[i];
+            let cos = (1.0 - sine * sine).max(0.0).sqrt();
+            let turn = Vec3::new(cos, -sine * y, -sine * z);
+            widths[i] = ridge.widths(Vec3::new(sine, cos * y, cos * z), turn);
+        }
+        Some(widths)
     }
 
     /// The same of a turn in that plane.
