@@ -40,17 +40,29 @@ impl PixelStatistics {
         view: u32,
         pixels: impl ExactSizeIterator<Item = [f32; 3]>,
     ) -> Option<Self> {
-        let width = specification.image.width as usize;
+        Self::of_stored(specification, view, pixels, |pixel| pixel)
+    }
+
+    /// The same of pixels that `stored` turns into what the file has: only those of the sample, because that
+    /// takes time.
+    pub fn of_stored<P>(
+        specification: &Specification,
+        view: u32,
+        pixels: impl ExactSizeIterator<Item = P>,
+        stored: impl Fn(P) -> [f32; 3],
+    ) -> Option<Self> {
+        let [width, height] = [specification.image.width, specification.image.height];
         let count = pixels.len();
-        if count != width * specification.image.height as usize || count == 0 {
+        if count != width as usize * height as usize || count == 0 {
             return None;
         }
         let sample = SampleOnFilm::new(specification, view)?;
-        let places = (0..).map(|place: usize| (place % width, place / width));
-        let of_sample = pixels
-            .zip(places)
-            .filter(|(_, (column, row))| sample.holds(*column, *row));
-        let mut of_sample: Vec<f64> = of_sample.map(|(pixel, _)| brightness(pixel)).collect();
+        let of_sample = places([width, height])
+            .zip(pixels)
+            .filter(|((column, row), _)| sample.holds(*column, *row));
+        let mut of_sample: Vec<f64> = of_sample
+            .map(|(_, pixel)| brightness(stored(pixel)))
+            .collect();
         let sample_share = of_sample.len() as f64 / count as f64;
         Some(Self::of_sample(sample_share, &mut of_sample))
     }
@@ -59,10 +71,12 @@ impl PixelStatistics {
     /// specification has no such view, or its mesh is not loaded.
     pub fn mask(specification: &Specification, view: u32) -> Option<Vec<bool>> {
         let sample = SampleOnFilm::new(specification, view)?;
-        let (width, height) = (specification.image.width, specification.image.height);
-        let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-        let pixels = pixels.map(|(column, row)| sample.holds(column as usize, row as usize));
-        Some(pixels.collect())
+        let pixels = places([specification.image.width, specification.image.height]);
+        Some(
+            pixels
+                .map(|(column, row)| sample.holds(column, row))
+                .collect(),
+        )
     }
 
     fn of_sample(sample_share: f64, brightness: &mut [f64]) -> Self {
@@ -126,6 +140,12 @@ impl fmt::Display for PixelStatistics {
 fn brightness(pixel: [f32; 3]) -> f64 {
     let [red, green, blue] = pixel.map(f64::from);
     LUMINANCE_WEIGHTS[0] * red + LUMINANCE_WEIGHTS[1] * green + LUMINANCE_WEIGHTS[2] * blue
+}
+
+/// The columns and rows of a film's pixels, row by row from the top.
+fn places([width, height]: [u32; 2]) -> impl Iterator<Item = (usize, usize)> {
+    let row = move |row: u32| (0..width).map(move |column| (column as usize, row as usize));
+    (0..height).flat_map(row)
 }
 
 /// The value below which this share of at least one value lies, on the line between the two nearest

@@ -45,6 +45,7 @@ impl SampleOnFilm {
     }
 
     /// Whether a pixel's centre lies on the front of the sample, whatever stands before it.
+    #[inline]
     pub fn holds(&self, column: usize, row: usize) -> bool {
         let at = [column as f64 + 0.5, row as f64 + 0.5];
         match self.shape {
@@ -61,6 +62,7 @@ impl SampleOnFilm {
         }
     }
 
+    #[inline]
     fn is_on_square(&self, [x, y]: [f64; 2]) -> bool {
         let along = |[a, b, c]: &[f64; 3]| a * x + b * y + c;
         let [u, v, w] = self.geometry.sample_from_film.each_ref().map(along);

@@ -72,14 +72,12 @@ pub fn encode(
     encode_samples(film, header, white_luminance, samples)
 }
 
-/// The pixels of `film` as a file of this pixel type has them, row by row from the top.
-pub fn stored_pixels(film: &Film, pixel: Pixel) -> impl ExactSizeIterator<Item = [f32; 3]> {
-    let stored = move |value: f64| match pixel {
+/// A pixel as a file of this pixel type has it.
+pub fn stored(pixel: &FilmPixel, as_pixel: Pixel) -> [f32; 3] {
+    pixel.value.map(|value| match as_pixel {
         Pixel::Half => f16::from_f64_const(value).to_f32_const(),
         Pixel::Float => value as f32,
-    };
-    let pixels = film.pixels.iter();
-    pixels.map(move |pixel| pixel.value.map(stored))
+    })
 }
 
 /// From here on a number rounds to a 16-bit infinity: halfway from the largest finite one to the next power of two.

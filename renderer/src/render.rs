@@ -2,7 +2,7 @@
 
 use crate::aov;
 use crate::exr_file::{self, ExrError};
-use crate::film::Film;
+use crate::film::{Film, FilmPixel};
 use crate::geometry::{BackendChoice, BackendKind, GeometryError};
 use crate::hybrid::interreflection::cache::{InterreflectionCache, Key};
 use crate::hybrid::{Interreflection, PreparedView, Unresolved};
@@ -297,8 +297,11 @@ impl Renderer {
 
     /// How bright a film is, with the pixels that its file has.
     fn brightness(&self, film: &Film, view: u32) -> PixelStatistics {
-        let stored = exr_file::stored_pixels(film, self.specification.image.pixel);
-        let Some(found) = PixelStatistics::of(&self.specification, view, stored) else {
+        let pixel = self.specification.image.pixel;
+        let stored = |of: &FilmPixel| exr_file::stored(of, pixel);
+        let pixels = film.pixels.iter();
+        let found = PixelStatistics::of_stored(&self.specification, view, pixels, stored);
+        let Some(found) = found else {
             unreachable!("the film is of a view of the specification");
         };
         found
