@@ -56,13 +56,10 @@ impl PixelStatistics {
         if count != width as usize * height as usize || count == 0 {
             return None;
         }
-        let sample = SampleOnFilm::new(specification, view)?;
-        let of_sample = places([width, height])
-            .zip(pixels)
-            .filter(|((column, row), _)| sample.holds(*column, *row));
-        let mut of_sample: Vec<f64> = of_sample
-            .map(|(_, pixel)| brightness(stored(pixel)))
-            .collect();
+        let mask = Self::mask(specification, view)?;
+        let of_sample = mask.iter().zip(pixels).filter(|(is_on, _)| **is_on);
+        let of_sample = of_sample.map(|(_, pixel)| brightness(stored(pixel)));
+        let mut of_sample: Vec<f64> = of_sample.collect();
         let sample_share = of_sample.len() as f64 / count as f64;
         Some(Self::of_sample(sample_share, &mut of_sample))
     }
@@ -71,12 +68,13 @@ impl PixelStatistics {
     /// specification has no such view, or its mesh is not loaded.
     pub fn mask(specification: &Specification, view: u32) -> Option<Vec<bool>> {
         let sample = SampleOnFilm::new(specification, view)?;
-        let pixels = places([specification.image.width, specification.image.height]);
-        Some(
-            pixels
-                .map(|(column, row)| sample.holds(column, row))
-                .collect(),
-        )
+        let [width, height] =
+            [specification.image.width, specification.image.height].map(|side| side as usize);
+        let mut mask = vec![false; width * height];
+        for (row, on_sample) in mask.chunks_exact_mut(width.max(1)).enumerate() {
+            sample.mark_row(row, on_sample);
+        }
+        Some(mask)
     }
 
     fn of_sample(sample_share: f64, brightness: &mut [f64]) -> Self {
@@ -140,12 +138,6 @@ impl fmt::Display for PixelStatistics {
 fn brightness(pixel: [f32; 3]) -> f64 {
     let [red, green, blue] = pixel.map(f64::from);
     LUMINANCE_WEIGHTS[0] * red + LUMINANCE_WEIGHTS[1] * green + LUMINANCE_WEIGHTS[2] * blue
-}
-
-/// The columns and rows of a film's pixels, row by row from the top.
-fn places([width, height]: [u32; 2]) -> impl Iterator<Item = (usize, usize)> {
-    let row = move |row: u32| (0..width).map(move |column| (column as usize, row as usize));
-    (0..height).flat_map(row)
 }
 
 /// The value below which this share of at least one value lies, on the line between the two nearest

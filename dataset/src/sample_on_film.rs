@@ -44,29 +44,24 @@ impl SampleOnFilm {
         })
     }
 
-    /// Whether a pixel's centre lies on the front of the sample, whatever stands before it.
-    #[inline]
-    pub fn holds(&self, column: usize, row: usize) -> bool {
-        let at = [column as f64 + 0.5, row as f64 + 0.5];
-        match self.shape {
-            Shape::Square => self.is_on_square(at),
+    /// Tells of each pixel of a row whether its centre lies on the front of the sample, whatever stands before it.
+    pub fn mark_row(&self, row: usize, on_sample: &mut [bool]) {
+        let y = row as f64 + 0.5;
+        let holds = |column: usize, x: f64| match self.shape {
+            Shape::Square => is_on_square(&self.geometry.sample_from_film, [x, y]),
             Shape::Mesh => {
                 let place = row * (2.0 * self.middle[0]) as usize + column;
                 self.mask.as_ref().is_some_and(|mask| mask[place])
             }
-            Shape::Sphere => self.chord(at, [0, 1, 2]).is_some(),
-            Shape::Cylinder => self.chord(at, [1, 2]).is_some_and(|near| {
-                let x = self.origin(0) + near * self.direction(at)[0];
+            Shape::Sphere => self.chord([x, y], [0, 1, 2]).is_some(),
+            Shape::Cylinder => self.chord([x, y], [1, 2]).is_some_and(|near| {
+                let x = self.origin(0) + near * self.direction([x, y])[0];
                 x.abs() <= 0.5 * self.side_m
             }),
+        };
+        for (column, on_sample) in on_sample.iter_mut().enumerate() {
+            *on_sample = holds(column, column as f64 + 0.5);
         }
-    }
-
-    #[inline]
-    fn is_on_square(&self, [x, y]: [f64; 2]) -> bool {
-        let along = |[a, b, c]: &[f64; 3]| a * x + b * y + c;
-        let [u, v, w] = self.geometry.sample_from_film.each_ref().map(along);
-        w > 0.0 && (0.0..=w).contains(&u) && (0.0..=w).contains(&v)
     }
 
     fn origin(&self, axis: usize) -> f64 {
@@ -100,4 +95,14 @@ impl SampleOnFilm {
         let discriminant = along * along - square * beyond;
         (along > 0.0 && discriminant >= 0.0).then(|| beyond / (along + discriminant.sqrt()))
     }
+}
+
+/// Whether the sample's position at a film point, along its sides times the depth, and the depth, is of the square.
+#[inline(always)]
+fn is_on_square(sample_from_film: &[[f64; 3]; 3], [x, y]: [f64; 2]) -> bool {
+    let along = |[a, b, c]: [f64; 3]| a * x + b * y + c;
+    let [of_u, of_v, of_w] = *sample_from_film;
+    let (u, v, w) = (along(of_u), along(of_v), along(of_w));
+    // Without branches: all of a row's pixels are asked for.
+    (w > 0.0) & (u >= 0.0) & (u <= w) & (v >= 0.0) & (v <= w)
 }
