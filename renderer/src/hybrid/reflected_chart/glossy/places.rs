@@ -159,8 +159,12 @@ impl Stretch {
             let tolerance = self.tolerance(point, spare_digits);
             tolerance.points((self.to - self.from) * rate, 0.0)
         };
+        let spared = lines(PASSAGE_DIGITS);
+        if spared >= PASSAGE_LINES_MIN {
+            return spared;
+        }
         // Where all digits ask for one line, one does: a chart of many patches has hundreds of such pieces.
-        lines(PASSAGE_DIGITS).max(lines(0.0).min(PASSAGE_LINES_MIN))
+        spared.max(lines(0.0).min(PASSAGE_LINES_MIN))
     }
 }
 
