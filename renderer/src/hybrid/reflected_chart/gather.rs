@@ -7,6 +7,11 @@
 //! comes to the chart, the integrand stays smooth. Intervals are parted where it bends, at three
 //! cosines of the light's direction.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "loops over lanes of several arrays: the compiler turns no other form into vectors"
+)]
+
 mod across;
 mod lines;
 
@@ -20,8 +25,7 @@ use crate::numerics::instructions::kernel;
 use crate::numerics::tolerance::Tolerance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-use across::{Across, t_at_sine};
-use lines::Lines;
+use across::{SeenFrom, t_at_sine};
 use std::f64::consts::PI;
 
 /// Where the integrand bends: at three cosines of the light's direction, on either side.
@@ -48,18 +52,18 @@ kernel! {
         // The distance to the chart's plane, and the b of the nearest point of it.
         let (height, foot) = (plane.z.dot(offset), plane.y.dot(offset));
         let s_of = |b: f64| asinh((b - foot) / height);
-        // In the plane across x, light stands as high as a level at two angles from the chart's
-        // normal: s is the inverse Gudermannian of these.
-        let bends = both_signs(levels.map(|level| {
-            if level < 1.0 {
-                0.5 * PI - libm::asin(level)
-            } else {
-                NOWHERE
-            }
-        }))
-        .map(|off_zenith| s_at(plane, 0.5 * PI + off_zenith));
+        let bends = bends_up(plane, levels);
         let [low, high] = [window.low[1], window.high[1]].map(|beta| s_at(plane, beta));
-        let ends = [window.low[0], window.high[0]].map(t_at_sine);
+        let seen = SeenFrom {
+            chart,
+            left: plane.corner.x - position.x,
+            height,
+            foot,
+            levels,
+            window,
+            ends: [window.low[0], window.high[0]].map(t_at_sine),
+            tolerance,
+        };
         let mut next = s_of(0.0);
         let mut edges = [0.0; LANES];
         for row in 0..plane.rows {
@@ -91,23 +95,8 @@ kernel! {
                 let mut low = from;
                 for part in 0..parts {
                     let high = end_of_part([from, to], part, parts);
-                    for (s, weight, count) in rule.fours_on(low, high) {
-                        let lines = Lines::new(plane, [height, foot], &s, &levels);
-                        let up = chart.weights_up(row, &lines.height);
-                        for i in 0..count {
-                            let across = Across {
-                                chart,
-                                row,
-                                line: lines.line(i),
-                                up: up.map(|up| up[i]),
-                                weight: weight[i] * lines.cos_gamma[i],
-                                left: plane.corner.x - position.x,
-                                window,
-                                ends,
-                                tolerance,
-                            };
-                            across.gather(integrals);
-                        }
+                    for (s, weights, count) in rule.fours_on(low, high) {
+                        seen.gather_lines(row, (&s, &weights), count, integrals);
                     }
                     low = high;
                 }
@@ -207,6 +196,20 @@ fn s_at(plane: &ChartPlane, beta: f64) -> f64 {
 fn gudermann(s: f64) -> f64 {
     let e = exp(s.min(EXP_MAX));
     2.0 * libm::atan(e) - 0.5 * PI
+}
+
+/// The s at which light stands as high as one of some levels, sines of its direction.
+fn bends_up(plane: &ChartPlane, levels: [f64; 3]) -> [f64; BENDS] {
+    // In the plane across x, light stands as high as a level at two angles from the chart's
+    // normal: s is the inverse Gudermannian of these.
+    let off_zenith = levels.map(|level| {
+        if level < 1.0 {
+            0.5 * PI - libm::asin(level)
+        } else {
+            NOWHERE
+        }
+    });
+    both_signs(off_zenith).map(|off_zenith| s_at(plane, 0.5 * PI + off_zenith))
 }
 
 /// Bends on both sides of 0.

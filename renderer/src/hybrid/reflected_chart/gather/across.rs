@@ -1,6 +1,6 @@
 //! The directions of one s across the columns of patches.
 
-use super::lines::Line;
+use super::lines::{Line, Lines, OfFour};
 use super::{end_of_part, parts, sorted_between};
 use crate::hybrid::reflected_chart::integrals::Integrals;
 use crate::hybrid::reflected_chart::lit_chart::{RadiantChart, UP_MAX, polynomial};
@@ -12,21 +12,56 @@ use std::f64::consts::PI;
 /// Numbers side by side.
 type Lanes = [f64; LANES];
 
-/// The directions of one s in a row of patches.
-pub struct Across<'a, const NODES: usize> {
+/// The chart as a point of the sample sees it.
+pub struct SeenFrom<'a, const NODES: usize> {
     pub chart: &'a RadiantChart<NODES>,
-    pub row: u32,
-    pub line: Line,
-    /// The weights of the nodes up the row.
-    pub up: [f64; UP_MAX],
-    /// What the rule over s weighs them with.
-    pub weight: f64,
-    /// From the sample's point to the chart's left edge, in metres.
+    /// From the point to the chart's left edge, in metres.
     pub left: f64,
+    /// The distance to the chart's plane, and how far up it the nearest point lies.
+    pub height: f64,
+    pub foot: f64,
+    /// The sines of the light's direction at which the integrand bends.
+    pub levels: [f64; 3],
     pub window: &'a Window,
     /// The t between which the window lies.
     pub ends: [f64; 2],
     pub tolerance: Tolerance,
+}
+
+impl<const NODES: usize> SeenFrom<'_, NODES> {
+    /// Gathers the directions of some s in a row of patches, the first `count` of four, and the light from them.
+    #[inline(always)]
+    pub fn gather_lines(
+        &self,
+        row: u32,
+        (s, weights): (&OfFour, &OfFour),
+        count: usize,
+        integrals: &mut Integrals<'_>,
+    ) {
+        let lines = Lines::new(&self.chart.plane, [self.height, self.foot], s, &self.levels);
+        let up = self.chart.weights_up(row, &lines.height);
+        for i in 0..count {
+            let across = Across {
+                seen: self,
+                row,
+                line: lines.line(i),
+                up: up.map(|up| up[i]),
+                weight: weights[i] * lines.cos_gamma[i],
+            };
+            across.gather(integrals);
+        }
+    }
+}
+
+/// The directions of one s in a row of patches.
+struct Across<'a, const NODES: usize> {
+    seen: &'a SeenFrom<'a, NODES>,
+    row: u32,
+    line: Line,
+    /// The weights of the nodes up the row.
+    up: [f64; UP_MAX],
+    /// What the rule over s weighs them with.
+    weight: f64,
 }
 
 /// Intervals of t that follow each other, up to seven.
@@ -71,10 +106,10 @@ impl Intervals {
 impl<const NODES: usize> Across<'_, NODES> {
     /// Gathers them and the light from them.
     #[inline(always)]
-    pub fn gather(&self, integrals: &mut Integrals<'_>) {
-        let (plane, per_reach) = (&self.chart.plane, 1.0 / self.line.reach);
-        let t_of = |column: f64| exp_asinh((self.left + column * plane.pitch) * per_reach);
-        let [low, high] = self.ends;
+    fn gather(&self, integrals: &mut Integrals<'_>) {
+        let (plane, per_reach) = (&self.seen.chart.plane, 1.0 / self.line.reach);
+        let t_of = |column: f64| exp_asinh((self.seen.left + column * plane.pitch) * per_reach);
+        let [low, high] = self.seen.ends;
         let (left, right) = (t_of(0.0), t_of(f64::from(plane.columns)));
         let ends = [left.max(low), right.min(high)];
         if ends[0] >= ends[1] {
@@ -112,15 +147,15 @@ impl<const NODES: usize> Across<'_, NODES> {
             let column = intervals.columns[index];
             let of_column = match light {
                 Some((known, light)) if known == column => light,
-                _ => self.chart.radiance_across(column, self.row, &self.up),
+                _ => self.seen.chart.radiance_across(column, self.row, &self.up),
             };
             light = Some((column, of_column));
             let [from, to] = [ends[0], ends[1]];
             let (parts, rule) = parts(
                 widths[index],
                 more[index],
-                self.tolerance,
-                self.window.is_ridge(),
+                self.seen.tolerance,
+                self.seen.window.is_ridge(),
             );
             let mut low = from;
             for part in 0..parts {
@@ -143,9 +178,9 @@ impl<const NODES: usize> Across<'_, NODES> {
         t: &[f64; FOUR],
         weight: &[f64; FOUR],
     ) -> [[f64; FOUR]; 6] {
-        let (line, plane) = (&self.line, &self.chart.plane);
+        let (line, plane) = (&self.line, &self.seen.chart.plane);
         let (half_reach, per_pitch) = (0.5 * line.reach / plane.pitch, 1.0 / plane.pitch);
-        let along = (self.left + f64::from(column) * plane.pitch) * per_pitch;
+        let along = (self.seen.left + f64::from(column) * plane.pitch) * per_pitch;
         let mut points = [[0.0; FOUR]; 6];
         for i in 0..FOUR {
             let t2 = t[i] * t[i];
@@ -176,18 +211,19 @@ impl<const NODES: usize> Across<'_, NODES> {
         let [mut widths, mut more] = [[0.0; LANES]; 2];
         for i in 0..LANES {
             more[i] = self
+                .seen
                 .tolerance
                 .more_beside((to[i] - t[i]) / (root[i] * next_root[i]));
         }
         let across = [self.line.cos, self.line.sin];
-        if let Some(per_angle) = self.window.widths_sideways(&sines, across) {
+        if let Some(per_angle) = self.seen.window.widths_sideways(&sines, across) {
             let next = following(&per_angle);
             for i in 0..LANES {
                 widths[i] = angle(t[i], to[i]) * per_angle[i].max(next[i]);
             }
         } else {
             for i in 0..LANES {
-                widths[i] = (next_sine[i] - sines[i]) / self.window.width[0];
+                widths[i] = (next_sine[i] - sines[i]) / self.seen.window.width[0];
             }
         }
         (widths, more)

@@ -266,20 +266,7 @@ impl<'a> Block<'a> {
                 colours[channel][i] = if on_chart[i] { colour[channel] } else { 0.0 };
             }
         }
-        for i in 0..LANES {
-            let [first, last] = [seen.span[0][i], seen.span[1][i]];
-            let begins = on_chart[i] & (from[i] < first);
-            seen.span[0][i] = if begins { from[i] } else { first };
-            seen.span[1][i] = if on_chart[i] { to[i] } else { last };
-            for axis in 0..2 {
-                let before = seen.middle[axis][i];
-                seen.middle[axis][i] = if on_chart[i] {
-                    positions[axis][i]
-                } else {
-                    before
-                };
-            }
-        }
+        seen.extend([from, to], &positions, &on_chart);
         let low = self.is_low(point, &middle, &on_chart);
         seen.add(HIGH, piece, &colours, &low.map(|low| !low));
         seen.add(LOW, piece, &colours, &low);

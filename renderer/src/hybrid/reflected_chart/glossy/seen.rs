@@ -51,6 +51,30 @@ impl<const N: usize> Seen<N> {
         }
     }
 
+    /// Extends what shows by pieces whose middles lie at these positions, where they are on the chart.
+    #[inline(always)]
+    pub fn extend(
+        &mut self,
+        [from, to]: [&Lanes; 2],
+        positions: &[Lanes; 2],
+        on_chart: &[bool; LANES],
+    ) {
+        for i in 0..LANES {
+            let [first, last] = [self.span[0][i], self.span[1][i]];
+            let begins = on_chart[i] & (from[i] < first);
+            self.span[0][i] = if begins { from[i] } else { first };
+            self.span[1][i] = if on_chart[i] { to[i] } else { last };
+            for axis in 0..2 {
+                let before = self.middle[axis][i];
+                self.middle[axis][i] = if on_chart[i] {
+                    positions[axis][i]
+                } else {
+                    before
+                };
+            }
+        }
+    }
+
     /// Takes the moments about `middle`, in units of `unit`.
     #[inline(always)]
     pub fn move_to(&mut self, middle: &Lanes, unit: &Lanes) {
