@@ -12,8 +12,8 @@ const FULL: usize = 512;
 /// Room for one block more.
 const ROOM: usize = FULL + LANES;
 
-/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times the rule's weight in
-/// each channel. Number by number, in room that does not move: it is written to for every four points.
+/// Directions of a cubature and the light from them: a unit vector to the light, and radiance times the rule's weight
+/// in each channel. Number by number, in room that does not move: it is written to for every four points.
 pub struct LightBatch {
     numbers: Box<[[f64; ROOM]; 6]>,
     count: usize,

@@ -14,8 +14,8 @@ pub const CORRELATION_MAX: f64 = 0.9;
 
 /// A correlation of two blurs.
 ///
-/// Below two edges at a and b lies Phi(a) Phi(b), and the integral of exp(-(a^2 + b^2 - 2 a b sin t) / (2 cos^2 t)) / (2
-/// pi) over t up to the arc sine of the correlation.
+/// Below two edges at a and b lies Phi(a) Phi(b), and the integral over t, up to the arc sine of the correlation, of
+/// exp(-(a^2 + b^2 - 2 a b sin t) / (2 cos^2 t)) / (2 pi).
 pub struct Correlation {
     /// Points along that integral.
     nodes: Vec<Node>,
