@@ -43,8 +43,8 @@ impl PixelStatistics {
         Self::of_stored(specification, view, pixels, |pixel| pixel)
     }
 
-    /// The same of pixels that `stored` turns into what the file has: only those of the sample, because that
-    /// takes time.
+    /// The same, where `stored` turns a pixel into what the file has. That takes time, so only the sample's pixels are
+    /// turned.
     pub fn of_stored<P>(
         specification: &Specification,
         view: u32,

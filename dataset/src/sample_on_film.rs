@@ -97,7 +97,8 @@ impl SampleOnFilm {
     }
 }
 
-/// Whether the sample's position at a film point, along its sides times the depth, and the depth, is of the square.
+/// Whether a film point shows the square. The matrix gives the position along its two sides, each times the depth, and
+/// the depth.
 #[inline(always)]
 fn is_on_square(sample_from_film: &[[f64; 3]; 3], [x, y]: [f64; 2]) -> bool {
     let along = |[a, b, c]: [f64; 3]| a * x + b * y + c;

@@ -6,7 +6,8 @@ use crate::numerics::elementary::ROUND;
 /// Numbers side by side, one a line.
 pub type Lanes = [f64; LANES];
 
-/// Where lines begin, are cut and end, row by row in ascending order, and where they end after a line's last cut.
+/// Where lines begin, are cut and end, row by row in ascending order. Behind its last cut a line has its end in every
+/// row.
 pub type Cuts = Vec<Lanes>;
 
 /// The column or row of a position, of `count` of them; on an edge it is either neighbour's.

@@ -65,7 +65,7 @@ pub struct Means {
 }
 
 impl Means {
-    /// Adds a point that is worth so much.
+    /// Adds the share at a point, times the point's weight.
     pub fn add(&mut self, u: [f64; 2], value: f64) {
         self.share += value;
         self.first[0] += value * u[0];

@@ -7,9 +7,10 @@ use crate::numerics::gauss::GaussRule;
 use crate::numerics::instructions::{Instructions, kernel};
 use std::f64::consts::PI;
 
-/// Points along the integral by which the distribution is known, up to a correlation; and the largest for which any
-/// serve.
+/// Points along the integral by which the distribution is known, up to a correlation.
 const POINTS: [(f64, usize); 2] = [(0.7, 5), (CORRELATION_MAX, 12)];
+
+/// The largest correlation, to either side, for which these points serve.
 pub const CORRELATION_MAX: f64 = 0.9;
 
 /// A correlation of two blurs.
@@ -40,7 +41,7 @@ impl Node {
 }
 
 impl Correlation {
-    /// Of up to [`CORRELATION_MAX`] to either side.
+    /// Of blurs that are correlated by so much, at most [`CORRELATION_MAX`] to either side.
     pub fn new(correlation: f64) -> Self {
         if correlation == 0.0 {
             return Self { nodes: Vec::new() };
