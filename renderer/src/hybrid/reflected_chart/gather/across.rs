@@ -13,7 +13,7 @@ use std::f64::consts::PI;
 type Lanes = [f64; LANES];
 
 /// The chart as a point of the sample sees it.
-pub struct SeenFrom<'a, const NODES: usize> {
+pub struct ChartFromPoint<'a, const NODES: usize> {
     pub chart: &'a RadiantChart<NODES>,
     /// From the point to the chart's left edge, in metres.
     pub left: f64,
@@ -28,7 +28,7 @@ pub struct SeenFrom<'a, const NODES: usize> {
     pub tolerance: Tolerance,
 }
 
-impl<const NODES: usize> SeenFrom<'_, NODES> {
+impl<const NODES: usize> ChartFromPoint<'_, NODES> {
     /// Gathers the directions of some s in a row of patches, the first `count` of four, and the light from them.
     #[inline(always)]
     pub fn gather_lines(
@@ -55,7 +55,7 @@ impl<const NODES: usize> SeenFrom<'_, NODES> {
 
 /// The directions of one s in a row of patches.
 struct Across<'a, const NODES: usize> {
-    seen: &'a SeenFrom<'a, NODES>,
+    seen: &'a ChartFromPoint<'a, NODES>,
     row: u32,
     line: Line,
     /// The weights of the nodes up the row.

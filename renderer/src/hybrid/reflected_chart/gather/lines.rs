@@ -22,9 +22,9 @@ pub struct Lines {
     reach: OfFour,
     /// The height on the chart in metres.
     pub height: OfFour,
-    /// The larger t at which the integrand bends. The smaller ones are one over these.
+    /// The larger t at which the integrand bends.
     bends: [OfFour; 3],
-    /// The smaller ones.
+    /// The smaller ones: one over these.
     bends_before: [OfFour; 3],
 }
 

@@ -25,7 +25,7 @@ use crate::numerics::instructions::kernel;
 use crate::numerics::tolerance::Tolerance;
 use crate::scene::ChartPlane;
 use crate::vector::Vec3;
-use across::{SeenFrom, t_at_sine};
+use across::{ChartFromPoint, t_at_sine};
 use std::f64::consts::PI;
 
 /// Where the integrand bends: at three cosines of the light's direction, on either side.
@@ -54,7 +54,7 @@ kernel! {
         let s_of = |b: f64| asinh((b - foot) / height);
         let bends = bends_up(plane, levels);
         let [low, high] = [window.low[1], window.high[1]].map(|beta| s_at(plane, beta));
-        let seen = SeenFrom {
+        let seen = ChartFromPoint {
             chart,
             left: plane.corner.x - position.x,
             height,
