@@ -1,30 +1,59 @@
-//! How many arenas the heap has, and when the system gets back what is free in them.
+//! How many arenas the heap has, what is kept out of them, and when the system gets back what is free.
 
-/// Lets the heap have as many arenas as the machine has cores.
+/// Pieces of so many bytes have memory of their own, which the system has back as soon as they are freed. So much may
+/// also be free at an arena's end. Chosen: more than the film of an image of 128 x 128 pixels (393 kB), which is asked
+/// for again and again, and no more than each of the 41 histograms of sled (524 kB), which nobody writes to: alone, they
+/// take no memory.
+#[cfg(all(target_os = "linux", target_env = "gnu"))]
+const LARGE_BYTES: i32 = 512 << 10;
+
+/// Lets the heap have as many arenas as the machine has cores, and keeps large pieces out of them.
 ///
 /// The GNU C library gives each thread an arena of its own, up to eight for each core. What one thread
 /// frees, threads of other arenas cannot use, so each arena keeps the most that it ever had. Measured on
-/// two cores: 300 materials take 47 MB instead of 54, in the same time. A limit in the environment takes
-/// precedence.
+/// two cores: 300 materials take 47 MB instead of 54, in the same time.
+///
+/// Once a large piece was freed, the library takes pieces up to its size from arenas, and keeps twice as much
+/// at their ends. Of the preset's first 1,000 materials two take ten megabytes more than all others, in three
+/// pieces. Measured: with this limit 1,000 materials take 57 MB, and without it 60, in the same time.
+///
+/// Limits in the environment take precedence.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-pub fn limit_arenas() {
-    let tunables = std::env::var("GLIBC_TUNABLES").unwrap_or_default();
-    let is_set = tunables.contains("glibc.malloc.arena_max");
-    if !is_set && std::env::var_os("MALLOC_ARENA_MAX").is_none() {
-        set_arena_max(i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX));
+pub fn configure() {
+    let arenas = i32::try_from(crate::cores::count(0)).unwrap_or(i32::MAX);
+    for (parameter, tunable, variable, value) in [
+        (libc::M_ARENA_MAX, "arena_max", "MALLOC_ARENA_MAX", arenas),
+        (
+            libc::M_MMAP_THRESHOLD,
+            "mmap_threshold",
+            "MALLOC_MMAP_THRESHOLD_",
+            LARGE_BYTES,
+        ),
+        (
+            libc::M_TRIM_THRESHOLD,
+            "trim_threshold",
+            "MALLOC_TRIM_THRESHOLD_",
+            LARGE_BYTES,
+        ),
+    ] {
+        let tunables = std::env::var("GLIBC_TUNABLES").unwrap_or_default();
+        let is_set = tunables.contains(&format!("glibc.malloc.{tunable}"));
+        if !is_set && std::env::var_os(variable).is_none() {
+            set(parameter, value);
+        }
     }
 }
 
-/// Other C libraries have no such arenas.
+/// Other C libraries have no such parameters.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub fn limit_arenas() {}
+pub fn configure() {}
 
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[allow(unsafe_code, reason = "a parameter of the C library")]
-fn set_arena_max(arenas: i32) {
-    // SAFETY: mallopt takes two numbers by value and locks what it changes. Where it refuses, arenas are as
-    // many as they were.
-    unsafe { libc::mallopt(libc::M_ARENA_MAX, arenas) };
+fn set(parameter: i32, value: i32) {
+    // SAFETY: mallopt takes two numbers by value and locks what it changes. Where it refuses, the parameter is as it
+    // was.
+    unsafe { libc::mallopt(parameter, value) };
 }
 
 /// Gives back to the system what is free in the heap.

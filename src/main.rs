@@ -106,7 +106,7 @@ enum Command {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    heap::limit_arenas();
+    heap::configure();
     let outcome = telemetry::start(&cli.telemetry).and_then(|()| match cli.command {
         Command::Run(options) => run::execute(&options),
         Command::Coordinator(command) => coordinator_serve::execute(&command),

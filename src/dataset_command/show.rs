@@ -101,15 +101,11 @@ pub fn sheet(
     exposure_stops: f64,
 ) -> anyhow::Result<Vec<u8>> {
     let image = &store.specification().image;
-    let mut sheet = ContactSheet::new(
-        materials,
-        views,
-        [image.width, image.height],
-        exposure_stops,
-    )?;
-    for (row, &material) in (0..).zip(materials) {
+    let tile = [image.width, image.height];
+    let sheet = ContactSheet::new(materials, views, tile, exposure_stops)?;
+    sheet.to_png(|material, band| {
         let Some(completion) = store.completion(material)? else {
-            continue;
+            return Ok(());
         };
         for (column, &view) in (0..).zip(views) {
             let Some(view) = completion.views.get(view as usize) else {
@@ -119,8 +115,8 @@ pub fn sheet(
                 let place = store.image_path(&view.digest);
                 format!("{} is damaged: verify the store", place.display())
             })?;
-            sheet.place(row, column, &decode_exr(&bytes)?);
+            band.place(column, &decode_exr(&bytes)?);
         }
-    }
-    sheet.finish()
+        Ok(())
+    })
 }

@@ -27,6 +27,11 @@ impl Canvas {
         }
     }
 
+    /// The pixels.
+    pub fn into_pixels(self) -> Vec<[u8; 3]> {
+        self.pixels
+    }
+
     /// The picture as PNG.
     pub fn to_png(&self) -> anyhow::Result<Vec<u8>> {
         encode_png(self.width, self.height, &self.pixels, &[]).context("cannot encode the picture")
