@@ -44,6 +44,17 @@ struct LastOfKind {
 }
 
 impl LastOfKind {
+    /// How far a rule of another kind may be off that differs from the next finer one by `missed`, which is little
+    /// enough, and from this one by `apart`: 0 where what this one shows to miss explains that, or where the two are
+    /// sure. Else they may agree by chance.
+    fn doubts(&self, missed: f64, apart: f64) -> f64 {
+        if missed > SURE * apart && apart > SLOW * self.missed {
+            apart + 2.0 * self.missed
+        } else {
+            0.0
+        }
+    }
+
     /// This rule, if it has converged and the `finest` has not; else the finest. The finest is of another kind, from
     /// which this one is so far `apart`. It differs from the rule before it by `missed`.
     ///
@@ -109,7 +120,10 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
                 function,
             );
             if missed <= may_miss {
-                return stated(tolerance, 1.0, missed, 0.0);
+                let doubt = last_of_kind.map_or(0.0, |(last, value): (LastOfKind, _)| {
+                    last.doubts(missed, largest_difference(value, fine))
+                });
+                return stated(tolerance, 1.0, missed, doubt);
             }
             if effort == Effort::None {
                 return stated(tolerance, self.times_unmet(tolerance), missed, 0.0);
@@ -261,7 +275,8 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
             }
             let missed = rule.missed.max(rule.times * corners.missed);
             if !counts(corners.missed) {
-                return (tolerance, missed);
+                let doubt = self.doubt_at_corners(candidate.rectangle, tolerance, function);
+                return (tolerance, missed.max(doubt));
             }
             tolerance = tolerance.finer();
             // The finest is stated to miss what it was found to mend.
@@ -282,26 +297,65 @@ impl<S: Shade, const TERMS: usize> Tiling<'_, S, TERMS> {
         missed: f64,
         function: &mut Counted<'_, S>,
     ) -> (Tolerance, f64, f64) {
-        let rule = |level: u32| (0..level).fold(self.demand.tolerance, |rule, _| rule.finer());
-        let finest = rule(self.shade.finest_level());
-        let changes_at = self.shade.kind_changes_at();
-        let Some(last) = changes_at.and_then(|level| level.checked_sub(2)) else {
-            return (finest, missed, 0.0);
-        };
+        let finest = self.rule_of_level(self.shade.finest_level());
+        match self.last_of_kind_at_corners(rectangle, finest, function) {
+            Some((last, apart)) => last.or_finest(finest, missed, apart),
+            None => (finest, missed, 0.0),
+        }
+    }
+
+    /// How far a rule for a part of a pixel may be off that misses little enough: as [`LastOfKind::doubts`].
+    fn doubt_at_corners(
+        &self,
+        rectangle: &Rectangle,
+        tolerance: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> f64 {
+        // The finest is compared with the one before it.
+        let finer = (tolerance.level() + 1).min(self.shade.finest_level());
+        let is_first = |changes_at| finer <= changes_at;
+        if self.shade.kind_changes_at().is_none_or(is_first) {
+            return 0.0;
+        }
+        let [rule, finer] = [finer - 1, finer].map(|level| self.rule_of_level(level));
+        let missed = self.most_apart_at_corners(rectangle, [rule, finer], function);
+        self.last_of_kind_at_corners(rectangle, finer, function)
+            .map_or(0.0, |(last, apart)| last.doubts(missed, apart))
+    }
+
+    /// The last rule of the first kind that can be compared with a finer one, on a part of a pixel, and how far it is
+    /// from a rule of the second.
+    fn last_of_kind_at_corners(
+        &self,
+        rectangle: &Rectangle,
+        other: Tolerance,
+        function: &mut Counted<'_, S>,
+    ) -> Option<(LastOfKind, f64)> {
+        let level = self.shade.kind_changes_at()?.checked_sub(2)?;
+        let tolerance = self.rule_of_level(level);
+        let mut apart_from =
+            |other| self.most_apart_at_corners(rectangle, [tolerance, other], function);
+        let missed = apart_from(tolerance.finer());
+        Some((LastOfKind { tolerance, missed }, apart_from(other)))
+    }
+
+    /// How far two rules are apart at the corners of what the outline has of a rectangle, at most.
+    fn most_apart_at_corners(
+        &self,
+        rectangle: &Rectangle,
+        rules: [Tolerance; 2],
+        function: &mut Counted<'_, S>,
+    ) -> f64 {
         let covered = self.outline.polygon().clipped(rectangle);
-        let mut most = |levels: [u32; 2]| {
-            let off = |&at: &[f64; 2]| {
-                let [one, other] = levels.map(|level| function.at(at, rule(level)));
-                largest_difference(one, other)
-            };
-            covered.corners().iter().map(off).fold(0.0, f64::max)
+        let apart = |&at: &[f64; 2]| {
+            let [one, other] = rules.map(|rule| function.at(at, rule));
+            largest_difference(one, other)
         };
-        let last_of_kind = LastOfKind {
-            tolerance: rule(last),
-            missed: most([last, last + 1]),
-        };
-        let apart = most([last, self.shade.finest_level()]);
-        last_of_kind.or_finest(finest, missed, apart)
+        covered.corners().iter().map(apart).fold(0.0, f64::max)
+    }
+
+    fn rule_of_level(&self, level: u32) -> Tolerance {
+        (0..level).fold(self.demand.tolerance, |rule, _| rule.finer())
     }
 
     /// What a rule misses at some points of a tile where it gives these values. It was looked at in the
