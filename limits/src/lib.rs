@@ -104,14 +104,21 @@ pub const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Bytes of messages under way, of all calls together.
 pub const MESSAGES_BYTES_MAX: usize = 512 << 20;
 
-/// What of [`MESSAGES_BYTES_MAX`] messages longer than [`SHORT_MESSAGE_BYTES_MAX`] may take.
-pub const LONG_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX / 8 * 7;
+/// What of [`MESSAGES_BYTES_MAX`] is for messages longer than [`SHORT_MESSAGE_BYTES_MAX`].
+pub const LONG_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX / 4 * 3;
+
+/// What of it is for shorter ones: images of the preset among them, of 12 kB in the mean.
+pub const SHORT_MESSAGES_BYTES_MAX: usize = MESSAGES_BYTES_MAX - LONG_MESSAGES_BYTES_MAX;
+
+/// The share of either that one credential's messages may have, as a multiple of what is left free:
+/// see [`STAGED_SHARE_OF_FREE`].
+pub const MESSAGES_SHARE_OF_FREE: usize = 3;
 
 /// Bytes before each message of gRPC: whether it is compressed, and its length.
 pub const MESSAGE_PREFIX_BYTES: usize = 5;
 
-/// The longest message, bytes, that finds room where long ones have filled theirs: the longest that
-/// an operator sends, with its prefix.
+/// The longest message, bytes, that counts as short: the longest that an operator sends, with its
+/// prefix.
 pub const SHORT_MESSAGE_BYTES_MAX: usize =
     protocol::CONTROL_MESSAGE_BYTES_MAX + MESSAGE_PREFIX_BYTES;
 

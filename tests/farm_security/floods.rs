@@ -8,6 +8,8 @@ use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::fs;
 use std::net::TcpStream;
 use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
@@ -147,27 +149,33 @@ impl http_body::Body for Unfinished {
 }
 
 /// Sends an upload that slows down after so many bytes and never ends, and returns how it is refused.
-async fn unfinished(url: &str, at_once: usize) -> Code {
-    let channel = Endpoint::from_shared(url.to_owned()).expect("a URL");
+async fn unfinished(url: &str, credentials: &Credentials, at_once: usize, announced: u32) -> Code {
+    let mut channel = Endpoint::from_shared(url.to_owned()).expect("a URL");
+    if let Some(authority) = &credentials.authority {
+        let tls = ClientTlsConfig::new().ca_certificate(Certificate::from_pem(authority));
+        channel = channel.tls_config(tls).expect("an authority");
+    }
     let mut channel = channel.connect().await.expect("a connection");
     let body = Unfinished {
         at_once,
         sent: 0,
-        announced: 7 << 20,
+        announced,
         pause: Box::pin(sleep(Duration::ZERO)),
     };
-    let request = http::Request::post("/brdfarm.v1.Farm/PutBlob")
+    let mut request = http::Request::post("/brdfarm.v1.Farm/PutBlob")
         .header("content-type", "application/grpc")
-        .header("te", "trailers")
-        .body(Body::new(body))
-        .expect("a request");
+        .header("te", "trailers");
+    if let Some(token) = &credentials.token {
+        request = request.header("authorization", format!("Bearer {}", token.trim()));
+    }
+    let request = request.body(Body::new(body)).expect("a request");
     let channel = channel.ready().await.expect("a connection");
     let answer = channel.call(request).await.expect("an answer");
     Status::from_header_map(answer.headers()).map_or(Code::Ok, |status| status.code())
 }
 
 /// 120 uploads of 6 MiB and 400 of 192 KiB that never end are 795 MiB, more than all messages may
-/// take together. The short ones fill what the long ones may not.
+/// take together.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     const LONG: usize = 120;
@@ -182,7 +190,8 @@ async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     for number in 0..UPLOADS {
         let url = url.clone();
         let at_once = if number < LONG { 6 << 20 } else { 192 << 10 };
-        uploads.spawn(async move { unfinished(&url, at_once).await });
+        let nobody = Credentials::default();
+        uploads.spawn(async move { unfinished(&url, &nobody, at_once, 7 << 20).await });
     }
     let mut codes = Vec::new();
     let mut memory_max = 0;
@@ -206,6 +215,59 @@ async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     assert!(memory_max < UNFINISHED_MEMORY_MAX, "{memory_max}");
     let work = format!("worker connect {url} --backend native");
     assert!(succeed(directory, &work).contains("28 images"));
+}
+
+/// Short and long messages that never end fill all the room that a worker's credential gets, again and again. A worker
+/// with another credential does all the work meanwhile, and none of its uploads is put out for good.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_flood_of_one_credential_takes_no_room_from_another() {
+    const LONG: usize = 70;
+    const SHORT: usize = 600;
+    let directory = tempfile::tempdir().expect("a directory");
+    let directory = directory.path();
+    raise_open_files();
+    succeed(directory, "credentials keys");
+    succeed(directory, "credentials keys --worker mallory");
+    let (coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
+    let read = |name: &str| fs::read(directory.join("keys").join(name)).expect("readable");
+    let credentials = |folder: &str| Credentials {
+        token: Some(String::from_utf8(read(&format!("{folder}/token"))).expect("text")),
+        authority: Some(read(&format!("{folder}/authority.pem"))),
+        identity: None,
+    };
+    let mallory = credentials("workers/mallory");
+    let refused = Arc::new(AtomicUsize::new(0));
+    let mut flood = JoinSet::new();
+    for number in 0..LONG + SHORT {
+        let (url, mallory, refused) = (url.clone(), mallory.clone(), Arc::clone(&refused));
+        flood.spawn(async move {
+            let (at_once, announced) = match number < LONG {
+                true => (6 << 20, 7 << 20),
+                false => (192 << 10, 200 << 10),
+            };
+            loop {
+                let code = unfinished(&url, &mallory, at_once, announced).await;
+                if code == Code::ResourceExhausted {
+                    refused.fetch_add(1, Ordering::Relaxed);
+                }
+                sleep(Duration::from_millis(500)).await;
+            }
+        });
+    }
+    let began = Instant::now();
+    while refused.load(Ordering::Relaxed) < LONG {
+        assert!(began.elapsed() < Duration::from_secs(60), "there was room");
+        sleep(Duration::from_millis(100)).await;
+    }
+    let work = format!("worker connect {url} --credentials keys/worker --backend native");
+    let worked = tokio::task::spawn_blocking({
+        let directory = directory.to_owned();
+        move || succeed(&directory, &work)
+    });
+    let worked = worked.await.expect("no panic");
+    assert!(worked.contains("28 images; 0 failed"), "{worked}");
+    flood.abort_all();
+    assert!(memory_bytes(&coordinator) < (512 << 20) + MEMORY_MAX);
 }
 
 /// Connections that finish their TLS handshake, begin HTTP/2 and then make no call.

@@ -192,7 +192,7 @@ where
         let path = request.uri().path().to_owned();
         let metrics = Arc::clone(&self.guard.metrics);
         let peer = peer(&request).cloned();
-        match self.guard.admit(&request) {
+        let credential = match self.guard.admit(&request) {
             Ok(caller) => {
                 // Asking after the health takes no token, and makes nobody known.
                 if (self.guard.tokens.is_none() || caller.is_some())
@@ -200,16 +200,18 @@ where
                 {
                     peer.introduce();
                 }
+                let credential = caller.as_ref().map(|caller| Arc::clone(&caller.credential));
                 if let Some(caller) = caller {
                     request.extensions_mut().insert(caller);
                 }
+                credential
             }
             Err(status) => {
                 metrics.note_call(&path, began.elapsed(), Some(status.code()));
                 return Box::pin(async move { Ok(status.into_http()) });
             }
-        }
-        let (arriving, share) = self.guard.budget.message();
+        };
+        let (arriving, share) = self.guard.budget.message(credential);
         let request = request.map(|body| {
             Body::new(Metered {
                 body,
@@ -280,7 +282,7 @@ mod tests {
         let metered = |body| Metered {
             body: Body::new(body),
             prefix: Prefix::default(),
-            arriving: budget.message().0,
+            arriving: budget.message(None).0,
             deadline: Box::pin(sleep(limits::MESSAGE_DEADLINE)),
         };
         let mut slow = metered(Trickle {
@@ -300,7 +302,7 @@ mod tests {
         assert!(began.elapsed() < 2 * limits::MESSAGE_DEADLINE);
 
         drop(slow);
-        let (mut others, _share) = budget.message();
+        let (mut others, _share) = budget.message(Some("others".into()));
         assert!(others.take(limits::LONG_MESSAGES_BYTES_MAX));
         let long = vec![0; limits::SHORT_MESSAGE_BYTES_MAX + 1];
         // One says at once that it will be 6 MiB long.
