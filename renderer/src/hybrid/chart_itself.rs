@@ -101,6 +101,12 @@ impl Shade for ChartItself<'_> {
         (indirect.map(|channel| channel + direct), 0)
     }
 
+    /// Where the sample's sides point at the chart, light off the sample falls within a few pixels. The last terms of a
+    /// tile of 20 pixels told a third of what it was off by (draw 525 of seed 20261217 of the search).
+    fn is_cheap(&self) -> bool {
+        true
+    }
+
     fn function_error(&self, cell: &Rectangle) -> FunctionError {
         self.everywhere
             .unwrap_or_else(|| self.interreflection.function_error_on(self.on_chart(cell)))

@@ -6,6 +6,7 @@
 //! cuts the integral over the covered polygon. A pixel on which even a tile of its own does not do is
 //! integrated by adaptive quadrature.
 
+mod gaps;
 mod rules;
 mod shade;
 mod steps;
@@ -23,6 +24,7 @@ use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
+use gaps::in_gaps;
 use rules::Rule;
 use shade::Counted;
 pub use shade::Shade;
@@ -471,7 +473,10 @@ impl<'a, S: Shade, const TERMS: usize> Tiling<'a, S, TERMS> {
             apart = apart.max(largest_difference(*value, tile.value(at)));
         }
         let rim = tile.rectangle.corners().into_iter().chain(sides);
-        for at in rim.chain(on_long_sides::<TERMS>(&tile.rectangle)) {
+        let rim = rim.chain(on_long_sides::<TERMS>(&tile.rectangle));
+        let is_cheap = self.shade.is_cheap();
+        let gaps = is_cheap.then(|| in_gaps::<TERMS>(&tile.rectangle));
+        for at in rim.chain(gaps.into_iter().flatten()) {
             if !is_met(kept * apart) {
                 return Err(steep);
             }

@@ -34,6 +34,11 @@ pub trait Shade: Sync {
         false
     }
 
+    /// Whether it costs so little that tiles are looked at in every gap between their nodes.
+    fn is_cheap(&self) -> bool {
+        false
+    }
+
     /// Whether all nodes of a tile may miss a part of the function: along which axis it is then to be halved. `corners`
     /// are those of what the outline leaves of the tile.
     fn hides_between(&self, _tile: &Rectangle, _corners: &[[f64; 2]]) -> Option<usize> {
