@@ -24,7 +24,7 @@ use crate::numerics::channels::largest_difference;
 use crate::numerics::chebyshev::{Basis, Fit, TAIL, Tile, largest_means};
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
-use gaps::in_gaps;
+use gaps::{in_gaps, on_long_sides};
 use rules::Rule;
 use shade::Counted;
 pub use shade::Shade;
@@ -43,13 +43,6 @@ const RESOLVED: f64 = 3.0;
 /// with an edge across is then off by up to 0.69 of what the tile is off by at a point (derived: edges along a
 /// side, at 401 places). Its last coefficients do not show it where the edge runs through the middle.
 const EDGE: f64 = 0.7;
-
-/// The radius in pixels of the most curved edge that may hide between the nodes of a thin tile. Derived: a bulb's
-/// image is at least four pixels across where tiles hold its light (`hybrid::direct`).
-const ROUND: f64 = 2.0;
-
-/// The most points that are looked at on a side of a thin tile. A limit on work.
-const LONG_SIDE_MAX: f64 = 100.0;
 
 /// A pixel gets no more lines after this many points. Chosen.
 const POINTS_MAX: u64 = 4_000;
@@ -474,8 +467,10 @@ impl<'a, S: Shade, const TERMS: usize> Tiling<'a, S, TERMS> {
         }
         let rim = tile.rectangle.corners().into_iter().chain(sides);
         let rim = rim.chain(on_long_sides::<TERMS>(&tile.rectangle));
-        let is_cheap = self.shade.is_cheap();
-        let gaps = is_cheap.then(|| in_gaps::<TERMS>(&tile.rectangle));
+        let gaps = self
+            .shade
+            .is_cheap()
+            .then(|| in_gaps::<TERMS>(&tile.rectangle));
         for at in rim.chain(gaps.into_iter().flatten()) {
             if !is_met(kept * apart) {
                 return Err(steep);
@@ -556,32 +551,6 @@ fn range<const TERMS: usize>(at_nodes: &Values<TERMS>) -> f64 {
         high - low
     });
     ranges.into_iter().fold(0.0, f64::max)
-}
-
-/// Points on the long sides of a tile that is so thin that a round edge could reach across it between two nodes: there
-/// it is as wide as the points lie apart.
-fn on_long_sides<const TERMS: usize>(
-    rectangle: &Rectangle,
-) -> impl Iterator<Item = [f64; 2]> + use<TERMS> {
-    let (rectangle, sides) = (*rectangle, rectangle.sides());
-    let long = usize::from(sides[1] > sides[0]);
-    let (length, depth) = (sides[long], sides[1 - long]);
-    // A circle that reaches in by so much less than its radius.
-    let chord = 0.9 * (8.0 * ROUND * depth).sqrt();
-    let is_thin = depth < ROUND && chord < layout(TERMS).widest_gap * length;
-    let count = if is_thin {
-        (length / chord).min(LONG_SIDE_MAX) as u32 + 1
-    } else {
-        0
-    };
-    (0..count).flat_map(move |index| {
-        let along = (2.0 * f64::from(index) + 1.0) / f64::from(count) - 1.0;
-        [-1.0, 1.0].map(|side| {
-            let mut at = [side; 2];
-            at[long] = along;
-            rectangle.point(at)
-        })
-    })
 }
 
 /// Along which axis a tile is to be halved that is too coarse: the steeper one, into parts of a
