@@ -422,8 +422,8 @@ mod tests {
         assert!(nearly_whole.take(SHORT_MESSAGE_BYTES_MAX));
     }
 
-    /// Some credentials, one after the other, fill all the room that they get with messages of one size, which never end. Who comes with
-    /// another credential has an upload and short messages under way at any time, and loses none.
+    /// Some credentials, one after the other, fill all the room that they get with messages of one size, which never
+    /// end. Whoever comes with another credential finds room for an upload and a short message, and loses neither.
     #[test]
     fn messages_of_others_put_nobody_out() {
         for attackers in [1, 3, 10] {
