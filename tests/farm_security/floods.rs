@@ -7,6 +7,7 @@ use proto::client::{self, Credentials, with_deadline};
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use std::fs;
 use std::net::TcpStream;
+use std::path::Path;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -217,8 +218,19 @@ async fn uploads_that_never_end_are_put_out_and_take_bounded_memory() {
     assert!(succeed(directory, &work).contains("28 images"));
 }
 
+/// What a folder of `keys` lets its owner show.
+fn credentials(directory: &Path, folder: &str) -> Credentials {
+    let folder = directory.join("keys").join(folder);
+    let read = |name: &str| fs::read(folder.join(name)).expect("readable");
+    Credentials {
+        token: Some(String::from_utf8(read("token")).expect("text")),
+        authority: Some(read("authority.pem")),
+        identity: None,
+    }
+}
+
 /// Short and long messages that never end fill all the room that a worker's credential gets, again and again. A worker
-/// with another credential does all the work meanwhile, and none of its uploads is put out for good.
+/// with another credential does all the work meanwhile.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_flood_of_one_credential_takes_no_room_from_another() {
     const LONG: usize = 70;
@@ -229,13 +241,7 @@ async fn a_flood_of_one_credential_takes_no_room_from_another() {
     succeed(directory, "credentials keys");
     succeed(directory, "credentials keys --worker mallory");
     let (coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
-    let read = |name: &str| fs::read(directory.join("keys").join(name)).expect("readable");
-    let credentials = |folder: &str| Credentials {
-        token: Some(String::from_utf8(read(&format!("{folder}/token"))).expect("text")),
-        authority: Some(read(&format!("{folder}/authority.pem"))),
-        identity: None,
-    };
-    let mallory = credentials("workers/mallory");
+    let mallory = credentials(directory, "workers/mallory");
     let refused = Arc::new(AtomicUsize::new(0));
     let mut flood = JoinSet::new();
     for number in 0..LONG + SHORT {
@@ -298,13 +304,7 @@ async fn strangers_keep_nobody_out(count: usize) {
     raise_open_files();
     succeed(directory, "credentials keys");
     let (coordinator, url) = coordinator(directory, "store", "--credentials keys/coordinator");
-    let read = |name: &str| fs::read(directory.join("keys").join(name)).expect("readable");
-    let credentials = |role: &str| Credentials {
-        token: Some(String::from_utf8(read(&format!("{role}/token"))).expect("text")),
-        authority: Some(read(&format!("{role}/authority.pem"))),
-        identity: None,
-    };
-    let reader = credentials("reader");
+    let reader = credentials(directory, "reader");
     let mut known = client::control(&url, &reader).expect("a client");
     let ask = || with_deadline(proto::StatusRequest {});
     known.status(ask()).await.expect("an answer");
@@ -315,7 +315,7 @@ async fn strangers_keep_nobody_out(count: usize) {
     assert!(open.len() > limits::STRANGERS_MAX);
     // One that never called before, beside the strangers.
     let began = Instant::now();
-    let leased = Guest::leasing(&url, &credentials("worker")).await;
+    let leased = Guest::leasing(&url, &credentials(directory, "worker")).await;
     let admitted = began.elapsed();
     println!("a new worker was admitted and had its lease after {admitted:?}");
     assert!(admitted < Duration::from_secs(10));
