@@ -14,7 +14,7 @@ use dataset::{
     specification::{Image, Pixel},
 };
 use exr::{
-    block::{BlockIndex, UncompressedBlock},
+    block::UncompressedBlock,
     compression::Compression,
     meta::{
         BlockDescription,
@@ -273,16 +273,32 @@ fn read_identity(header: &Header) -> Result<ImageHeader, Rejection> {
 /// Copies a block's pixels to their places. A line is all of blue, all of green, all of red.
 fn place_pixels(block: &UncompressedBlock, film: &Image, pixels: &mut [[f32; 3]]) {
     let width = film.width as usize;
-    let sample_bytes = film.pixel.bytes() as usize;
-    let lines = block.data.chunks_exact(3 * width * sample_bytes);
+    let channel_bytes = width * film.pixel.bytes() as usize;
+    let lines = block.data.chunks_exact(3 * channel_bytes);
     let places = pixels.chunks_exact_mut(width);
+    let mut values = vec![0.0; width];
     for (line, places) in lines.zip(places.skip(block.index.pixel_position.1)) {
-        for (number, sample) in line.chunks_exact(sample_bytes).enumerate() {
-            places[number % width][2 - number / width] = match *sample {
-                [a, b] => f16::from_ne_bytes([a, b]).to_f32(),
-                [a, b, c, d] => f32::from_ne_bytes([a, b, c, d]),
-                _ => unreachable!("chunks of two or four bytes"),
-            };
+        for (samples, channel) in line.chunks_exact(channel_bytes).zip([2, 1, 0]) {
+            read_samples(samples, film.pixel, &mut values);
+            for (place, value) in places.iter_mut().zip(&values) {
+                place[channel] = *value;
+            }
+        }
+    }
+}
+
+/// Reads samples of a type, one for each value.
+fn read_samples(samples: &[u8], pixel: Pixel, values: &mut [f32]) {
+    match pixel {
+        Pixel::Half => {
+            for (value, bytes) in values.iter_mut().zip(samples.as_chunks().0) {
+                *value = f16::from_ne_bytes(*bytes).to_f32_const();
+            }
+        }
+        Pixel::Float => {
+            for (value, bytes) in values.iter_mut().zip(samples.as_chunks().0) {
+                *value = f32::from_ne_bytes(*bytes);
+            }
         }
     }
 }
@@ -290,29 +306,130 @@ fn place_pixels(block: &UncompressedBlock, film: &Image, pixels: &mut [[f32; 3]]
 /// Every value finite and not below zero, told from the bits: all exponent bits set is infinite or
 /// no number; the sign bit with anything beside it is negative.
 pub(crate) fn check_pixels(block: &UncompressedBlock, film: &Image) -> Result<(), Rejection> {
-    let BlockIndex { pixel_position, .. } = block.index;
-    let (bytes, exponent, sign) = match film.pixel {
-        Pixel::Half => (2, 0x7c00, 0x8000),
-        Pixel::Float => (4, 0x7f80_0000, 0x8000_0000),
-    };
-    let bytes_per_line = 3 * film.width as usize * bytes;
+    let bytes_per_line = 3 * film.width as usize * film.pixel.bytes() as usize;
     for (row, line) in block.data.chunks(bytes_per_line).enumerate() {
-        for sample in line.chunks_exact(bytes) {
-            let bits: u32 = match *sample {
-                [a, b] => u16::from_ne_bytes([a, b]).into(),
-                [a, b, c, d] => u32::from_ne_bytes([a, b, c, d]),
-                _ => unreachable!("chunks of two or four bytes"),
-            };
-            let what = if bits & exponent == exponent {
-                "not finite"
-            } else if bits > sign {
-                "negative"
-            } else {
-                continue;
-            };
-            let line = pixel_position.1 + row;
+        let fault = match film.pixel {
+            Pixel::Half => {
+                let samples = line.as_chunks().0.iter();
+                let samples = samples.map(|bytes| u16::from_ne_bytes(*bytes).into());
+                fault(samples, 0x7c00, 0x8000)
+            }
+            Pixel::Float => {
+                let samples = line.as_chunks().0.iter();
+                let samples = samples.map(|bytes| u32::from_ne_bytes(*bytes));
+                fault(samples, 0x7f80_0000, 0x8000_0000)
+            }
+        };
+        if let Some(what) = fault {
+            let line = block.index.pixel_position.1 + row;
             return Err(Rejection::Pixel { line, what });
         }
     }
     Ok(())
+}
+
+/// What is wrong with samples, of whose bits these are the exponent and the sign.
+#[inline(always)]
+fn fault(samples: impl Iterator<Item = u32>, exponent: u32, sign: u32) -> Option<&'static str> {
+    let nothing = [false; 2];
+    let found = samples.fold(nothing, |[is_infinite, is_negative], bits| {
+        // Without branches: nearly all samples are right.
+        [
+            is_infinite | (bits & exponent == exponent),
+            is_negative | (bits > sign),
+        ]
+    });
+    match found {
+        [true, _] => Some("not finite"),
+        [_, true] => Some("negative"),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::{block::BlockIndex, math::Vec2};
+
+    /// A block of two lines that begins at line 3 of a film of 8 columns.
+    fn block(pixel: Pixel, samples: &[u32; 48]) -> (UncompressedBlock, Image) {
+        let film = Image {
+            width: 8,
+            height: 5,
+            pixel,
+        };
+        let bytes = film.pixel.bytes() as usize;
+        let of_sample = |sample: &u32| match pixel {
+            Pixel::Half => (*sample as u16).to_ne_bytes().to_vec(),
+            Pixel::Float => sample.to_ne_bytes().to_vec(),
+        };
+        let data: Vec<u8> = samples.iter().flat_map(of_sample).collect();
+        assert_eq!(data.len(), 48 * bytes);
+        let index = BlockIndex {
+            layer: 0,
+            pixel_position: Vec2(0, 3),
+            pixel_size: Vec2(8, 2),
+            level: Vec2(0, 0),
+        };
+        (UncompressedBlock { index, data }, film)
+    }
+
+    fn value(pixel: Pixel, sample: u32) -> f32 {
+        match pixel {
+            Pixel::Half => f16::from_bits(sample as u16).to_f32(),
+            Pixel::Float => f32::from_bits(sample),
+        }
+    }
+
+    /// Every half, and floats all over, at every place of a block.
+    #[test]
+    fn samples_that_are_no_light_are_found_wherever_they_are() {
+        let halves = (0..=0xffff).map(|bits| (Pixel::Half, bits));
+        let floats = (0..=0xffff).flat_map(|high| [0, 1, 0xffff].map(|low| high << 16 | low));
+        let floats = floats.map(|bits| (Pixel::Float, bits));
+        for (count, (pixel, bits)) in halves.chain(floats).enumerate() {
+            let place = count % 48;
+            let mut samples = [0; 48];
+            samples[place] = bits;
+            let (block, film) = block(pixel, &samples);
+            let value = value(pixel, bits);
+            let expected = match (value.is_finite(), value < 0.0) {
+                (false, _) => Some("not finite"),
+                (true, true) => Some("negative"),
+                (true, false) => None,
+            };
+            let found = match check_pixels(&block, &film) {
+                Ok(()) => None,
+                Err(Rejection::Pixel { line, what }) => {
+                    assert_eq!(line, 3 + place / 24);
+                    Some(what)
+                }
+                Err(other) => panic!("{other}"),
+            };
+            assert_eq!(found, expected, "{value}");
+        }
+    }
+
+    #[test]
+    fn a_block_lands_where_it_belongs() {
+        for pixel in [Pixel::Half, Pixel::Float] {
+            let samples = std::array::from_fn(|place| match pixel {
+                Pixel::Half => u32::from(f16::from_f32(place as f32 / 64.0).to_bits()),
+                Pixel::Float => (place as f32 / 64.0).to_bits(),
+            });
+            let (block, film) = block(pixel, &samples);
+            let mut pixels = vec![[-1.0; 3]; 40];
+            place_pixels(&block, &film, &mut pixels);
+            for (index, found) in pixels.iter().enumerate() {
+                let [row, column] = [index / 8, index % 8];
+                let expected = match row {
+                    3.. => {
+                        [2, 1, 0].map(|plane| ((row - 3) * 24 + plane * 8 + column) as f32 / 64.0)
+                    }
+                    _ => [-1.0; 3],
+                };
+                assert_eq!(*found, expected, "{row} {column}");
+            }
+        }
+    }
 }
