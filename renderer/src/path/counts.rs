@@ -139,3 +139,34 @@ pub fn choose(tracer: &Tracer<'_>, picture: &Picture, accuracy: &Accuracy, sampl
 fn powers() -> impl Iterator<Item = u32> {
     std::iter::successors(Some(1), |times: &u32| times.checked_mul(STEP))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The specification's paths are a power of two, and so are those of all pixels.
+        #[test]
+        fn the_dearest_pixels_give_way_first_and_keep_a_path_a_replicate(
+            powers in prop::collection::vec(4..16u32, 1..40),
+            [each, budget, spent] in [0.0..3.0f64, 0.0..7.0, 0.0..7.0].prop_map(|logs| logs.map(libm::exp10)),
+        ) {
+            let wanted: Vec<u32> = powers.into_iter().map(|power| 1 << power).collect();
+            let spent = Spent { paths: spent as u64, evaluations: 0 };
+            let counts = Counts { of_pixels: wanted.clone(), spent };
+            let given = counts.within(budget, each).of_pixels;
+            let left = budget - cost(spent);
+            let takes = |paths: &[u32]| each * paths.iter().map(|&paths| f64::from(paths)).sum::<f64>();
+            let most = given.iter().copied().max().expect("a pixel");
+            for (given, wanted) in given.iter().zip(&wanted) {
+                prop_assert_eq!(*given, *wanted.min(&most));
+                prop_assert_eq!(given % REPLICATES, 0);
+            }
+            prop_assert!(most >= REPLICATES);
+            prop_assert!(takes(&given) <= left || most == REPLICATES);
+            let before: Vec<u32> = wanted.iter().map(|&paths| paths.min(2 * most)).collect();
+            prop_assert!(before == given || takes(&before) > left);
+        }
+    }
+}

@@ -52,3 +52,70 @@ impl Slice {
 pub fn nearest_to_zero([low, high]: [f64; 2]) -> f64 {
     0f64.max(low).min(high)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// An interval anywhere about a slice, from far shorter than it to far longer, and the slice's n and t.
+    fn drawn() -> impl Strategy<Value = ([f64; 2], f64, f64)> {
+        let numbers = (-4.0..4.0f64, -8.0..2.0f64, 0.0..9.0f64, -3.0..3.0f64);
+        numbers.prop_map(|(at, length, n, t)| {
+            let n = libm::exp10(n);
+            // In widths of the slice.
+            let [low, length] = [at * at * at, libm::exp10(length)].map(|number| number / n.sqrt());
+            ([low, low + length], n, libm::exp10(t))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn samples_lie_in_the_interval_and_know_their_density(
+            (interval, n, t) in drawn(), uniform in 0.0..1.0f64
+        ) {
+            let slice = Slice::new(interval, n, t);
+            let (x, density) = slice.sample(uniform);
+            let [low, high] = interval;
+            let rounding = 1e-9 * (high - low);
+            prop_assert!(low - rounding <= x && x <= high + rounding, "{x} in {interval:?}");
+            let expected = slice.density(x);
+            prop_assert!((density / expected - 1.0).abs() < 1e-6, "{density} {expected}");
+        }
+
+        /// As many samples lie below a point as the density has below it.
+        #[test]
+        fn samples_are_spread_as_the_density_says(
+            (interval, n, t) in drawn(), uniforms in prop::array::uniform2(0.0..1.0f64)
+        ) {
+            let slice = Slice::new(interval, n, t);
+            let [from, to] = uniforms.map(|uniform| slice.sample(uniform).0);
+            // Gauss's two points on each of many parts, evenly spread in what the density is about flat in.
+            let [from_flat, to_flat] = [from, to].map(|x| libm::asinh(slice.k * (x - slice.nearest)));
+            let parts = 4000;
+            let step = (to_flat - from_flat) / f64::from(parts);
+            let mut sum = 0.0;
+            for part in 0..parts {
+                for off in [0.5 - 0.5 / 3f64.sqrt(), 0.5 + 0.5 / 3f64.sqrt()] {
+                    let flat = from_flat + step * (f64::from(part) + off);
+                    let x = slice.nearest + libm::sinh(flat) / slice.k;
+                    sum += 0.5 * step * slice.density(x) * libm::cosh(flat) / slice.k;
+                }
+            }
+            let expected = uniforms[1] - uniforms[0];
+            prop_assert!((sum - expected).abs() < 1e-6, "{sum} {expected}");
+        }
+    }
+
+    #[test]
+    fn the_point_nearest_to_0() {
+        for ([low, high], expected) in [
+            ([-2.0, -1.0], -1.0),
+            ([-1.0, 2.0], 0.0),
+            ([1.0, 2.0], 1.0),
+            ([0.0, 0.0], 0.0),
+        ] {
+            assert_eq!(nearest_to_zero([low, high]), expected);
+        }
+    }
+}

@@ -85,6 +85,20 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// A place on a sample that is not flat.
+    #[cfg(test)]
+    pub fn of_curved_sample(position: Vec3, normal: Vec3) -> Self {
+        Self {
+            position,
+            frame: Frame::carried(normal),
+            thing: Thing::Sample,
+            primitive: PrimitiveId(0),
+            patch: None,
+            on_triangle: None,
+            facet: None,
+        }
+    }
+
     /// Whether a direction points into the surface, although it may be above the frame's horizon.
     pub fn is_behind(&self, direction: Vec3) -> bool {
         self.facet.is_some_and(|facet| facet.dot(direction) <= 0.0)
