@@ -130,11 +130,11 @@ fn beside(film: &Film, index: usize) -> f64 {
 /// view. A right renderer fails with a probability below 1e-3 (Sidak over 72,576 channels of pixels with t
 /// on 31 degrees of freedom, which are those of 12 x 12 pixels).
 ///
-/// A sliver of the sample that no path has met proves nothing, as long as it is one: at most 1 in 100 of the paths would have missed it by chance. Differences below the
-/// target are not looked into pixel by pixel, only on average: there the few paths whose sampled
-/// direction meets the bulb, each far above the mean, keep the replicates from being normal. The
-/// brushed mirror's highly anisotropic lobe meets it once in thousands of paths, and its pixels are looked
-/// at to a few hundredths of white (four million paths a pixel do agree with it).
+/// A sliver of the sample that no path has met proves nothing, as long as it is one: at most 1 in 100 of the paths
+/// would have missed it by chance. Differences below the target are not looked into pixel by pixel, only on
+/// average: there the few paths whose sampled direction meets the bulb, each far above the mean, keep the
+/// replicates from being normal. The brushed mirror's highly anisotropic lobe meets it once in thousands of paths,
+/// and its pixels are looked at to a few hundredths of white (four million paths a pixel do agree with it).
 #[test]
 fn the_hybrid_integrator_agrees_with_the_path_tracer() {
     const BRUSHED: &str = "brushed-mirror";

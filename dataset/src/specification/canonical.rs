@@ -10,8 +10,8 @@ use std::fmt::Write;
 pub(super) const UNHASHED_KEYS: [&str; 2] = ["name", "materials"];
 
 impl Specification {
-    /// All of the specification as canonical JSON, but for a `sample.shape` that is `square` and a mesh that is not there: deterministic, and [`Self::from_json`] gives the
-    /// same value again.
+    /// All of the specification as canonical JSON, but for a `sample.shape` that is `square` and a mesh that is not
+    /// there: deterministic, and [`Self::from_json`] gives the same value again.
     pub fn to_json(&self) -> String {
         canonical_json(&self.written())
     }

@@ -70,8 +70,8 @@ pub struct SeenFrom {
     pub wo: Vec3,
 }
 
-/// Whether a tile's nodes may all miss one of these groups of patches (the lobe's frame), by what its corners see: the side of the tile along
-/// which that moves fastest.
+/// Whether a tile's nodes may all miss one of these groups of patches (the lobe's frame), by what its corners see:
+/// the side of the tile along which that moves fastest.
 pub fn hides_between(lobe: &Lobe, groups: &[Corners], corners: &[SeenFrom]) -> Option<usize> {
     let corners: Vec<_> = corners
         .iter()
