@@ -13,6 +13,7 @@ mod budget;
 mod chart_itself;
 mod chart_on_film;
 pub(crate) mod direct;
+mod finer_view;
 pub(crate) mod interreflection;
 #[cfg(test)]
 mod kinks;

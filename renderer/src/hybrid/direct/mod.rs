@@ -13,8 +13,8 @@ use super::budget::direct::{
     FINER_PIXELS_MAX, IMAGE_WIDTHS, LIMIT, ROUGH_EXPONENT, SHARP_TILE_MIN, SHARP_WIDTH, TILE_MIN,
 };
 use super::budget::{LOG_TILING, tile_pixels};
+use super::finer_view::FinerView;
 use super::view::View;
-use crate::film::FilmPixel;
 use crate::film::canvas::Canvas;
 use crate::film::demand::{Demand, Terms};
 use crate::film::log_tiling;
@@ -40,8 +40,9 @@ pub fn add(view: &View, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u
     let width = view.slope_pixels(1.0 / reflectance.lobe.n_u.sqrt(), distance);
     let is_sharp = width <= SHARP_WIDTH;
     let is_small = feature < if is_sharp { SHARP_TILE_MIN } else { TILE_MIN };
-    if let (true, true, Some(finer)) = (is_sharp, is_small, FinerView::new(view, feature)) {
-        return finer.add_to(canvas, reflectance);
+    let finer = || FinerView::new(view, (SHARP_TILE_MIN / feature).ceil(), FINER_PIXELS_MAX);
+    if let (true, true, Some(finer)) = (is_sharp, is_small, finer()) {
+        return finer.add_to(canvas, |view, fine| add(view, fine, reflectance));
     }
     let is_rough = reflectance.lobe.n_u <= ROUGH_EXPONENT;
     if (!is_rough && !is_sharp) || is_small {
@@ -135,50 +136,4 @@ fn below_camera(view: &View) -> Option<Rectangle> {
     let reach = position.z * libm::tan(most);
     let [low, high] = view.camera.sphere_box(below, reach)?;
     Some(Rectangle { low, high })
-}
-
-/// A view whose film has `times` as many pixels along either side.
-struct FinerView {
-    view: View,
-    times: u32,
-}
-
-impl FinerView {
-    /// The same view on a film so fine that a tile of `feature` pixels is at least
-    /// [`SHARP_TILE_MIN`] long; `None` where this one is, or where that one would be too large.
-    fn new(view: &View, feature: f64) -> Option<Self> {
-        let times = (SHARP_TILE_MIN / feature).ceil();
-        let pixels = times * times * f64::from(view.size[0]) * f64::from(view.size[1]);
-        if times <= 1.0 || pixels.is_nan() || pixels > FINER_PIXELS_MAX {
-            return None;
-        }
-        let times = times as u32;
-        Some(Self {
-            view: view.finer(times)?,
-            times,
-        })
-    }
-
-    /// Adds the bulb's light off the sample to the coarser film: each of its pixels is the mean of
-    /// those that it covers.
-    fn add_to(&self, canvas: &mut Canvas<'_>, reflectance: &Reflectance) -> u64 {
-        let [width, height] = self.view.size;
-        let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
-        let mut fine = Canvas {
-            width,
-            height,
-            pixels: &mut pixels,
-        };
-        let evaluations = add(&self.view, &mut fine, reflectance);
-        let share = 1.0 / f64::from(self.times * self.times);
-        for (index, pixel) in (0..).zip(&pixels) {
-            let index_on_coarse = (index % width / self.times, index / width / self.times);
-            canvas.add(
-                index_on_coarse,
-                pixel.value.map(|channel| share * channel),
-                share * pixel.error,
-            );
-        }
-        evaluations
-    }
 }
