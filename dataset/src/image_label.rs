@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// The renderer's version: part of every image's bytes, raised whenever a change of the renderer
 /// changes any of them. It stands here because a coordinator, which has no renderer, has to know
 /// which workers it can accept.
-pub const RENDERER_VERSION: &str = "30";
+pub const RENDERER_VERSION: &str = "31";
 
 /// The name of the EXR attribute that holds an [`ImageHeader`] as canonical JSON.
 pub const IMAGE_HEADER_ATTRIBUTE: &str = "brdfarm";

@@ -47,9 +47,19 @@ pub fn at_half_vector(
 ) -> f64 {
     let [u2, v2, z2] = half2;
     let tangential = u2 + v2;
-    let power = exp(-depth(exponents, [u2, v2], tangential / z2));
-    scale * power * cos_i / ((tangential + z2).sqrt() * larger)
+    let length = (tangential + z2).sqrt();
+    let Log1p { k, ratio: [n, d] } = Log1p::of(tangential / z2);
+    // As in `depth`; and the last quotient by the same division.
+    let (across2, divisor) = (tangential + NORMAL_BELOW, length * larger);
+    let inverse = 1.0 / (across2 * d * divisor);
+    let exponent = (exponents[0] * u2 + exponents[1] * v2) * (d * divisor * inverse);
+    let depth = 0.5 * exponent * Log1p::value(k, n * (across2 * divisor * inverse));
+    scale * exp(-depth) * cos_i * (across2 * d * inverse)
 }
+
+/// A half vector whose square across the normal is no more is at the normal. No product of it and other divisors
+/// is 0.
+const NORMAL_BELOW: f64 = 1e-200;
 
 /// Farther out no slope's square counts.
 const TANGENT2_MAX: f64 = 1e100;
@@ -95,6 +105,26 @@ mod tests {
     use dataset::{Material, specification::Tint};
     use proptest::prelude::*;
     use std::f64::consts::{FRAC_1_PI, PI};
+
+    /// There the exponent is 0/0, and divisors that share a division are as small as numbers get.
+    #[test]
+    fn about_the_normal_and_the_horizon_it_is_finite() {
+        let sizes = [0.0, 1e-308, 1e-210, 1e-200, 1e-190, 1e-100, 1e-30, 1e-8];
+        for (u2, v2) in sizes.iter().flat_map(|u2| sizes.map(|v2| (*u2, v2))) {
+            for larger in [1e-16, 1e-8, 0.3, 1.0] {
+                for exponents in [[2.0, 2.0], [1e16, 2.0], [1e16, 1e16]] {
+                    let found = at_half_vector(3.0, exponents, [u2, v2, 2.0], larger, larger);
+                    let depth = 0.5 * (exponents[0] * u2 + exponents[1] * v2) / 2.0;
+                    let expected = 3.0 * libm::exp(-depth) / 2f64.sqrt();
+                    let off = (found - expected).abs();
+                    assert!(
+                        off < 1e-6 * expected + 1e-300,
+                        "{u2} {v2} {larger}: {found}"
+                    );
+                }
+            }
+        }
+    }
 
     proptest! {
         #[test]

@@ -32,8 +32,8 @@ pub struct Toward {
     rgb: [f64; 3],
     /// The same with 1 for the largest.
     hue: [f64; 3],
-    /// Of the hue; 1 for black.
-    luminance: f64,
+    /// One over the luminance of the hue; 1 for black.
+    per_luminance: f64,
     largest: f64,
 }
 
@@ -50,12 +50,12 @@ impl Towards {
             let Toward {
                 rgb: [r, g, b],
                 hue: [hr, hg, hb],
-                luminance,
+                per_luminance,
                 largest,
             } = surface.toward(cos_o[i]);
             for (lanes, number) in all
                 .iter_mut()
-                .zip([r, g, b, hr, hg, hb, luminance, largest])
+                .zip([r, g, b, hr, hg, hb, per_luminance, largest])
             {
                 lanes[i] = number;
             }
@@ -66,11 +66,11 @@ impl Towards {
     /// The one of a lane.
     #[inline(always)]
     pub fn at(&self, i: usize) -> Toward {
-        let Self([r, g, b, hr, hg, hb, luminance, largest]) = self;
+        let Self([r, g, b, hr, hg, hb, per_luminance, largest]) = self;
         Toward {
             rgb: [r[i], g[i], b[i]],
             hue: [hr[i], hg[i], hb[i]],
-            luminance: luminance[i],
+            per_luminance: per_luminance[i],
             largest: largest[i],
         }
     }
@@ -135,7 +135,7 @@ impl Surface {
         Toward {
             rgb: [r, g, b],
             hue: [hr, hg, hb],
-            luminance: if dark { 1.0 } else { luminance },
+            per_luminance: 1.0 / if dark { 1.0 } else { luminance },
             largest,
         }
     }
@@ -146,11 +146,11 @@ impl Surface {
         let Toward {
             rgb: [r, g, b],
             hue: [hr, hg, hb],
-            luminance,
+            per_luminance,
             largest,
         } = *toward;
         let dark = largest <= 0.0;
-        let brightest = fresnel / luminance;
+        let brightest = fresnel * per_luminance;
         let over = brightest > 1.0;
         let saturation = (1.0 - fresnel) / if over { brightest - fresnel } else { 1.0 };
         let hue = |full: f64| {

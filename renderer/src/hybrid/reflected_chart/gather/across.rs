@@ -184,9 +184,11 @@ impl<const NODES: usize> Across<'_, NODES> {
         let mut points = [[0.0; FOUR]; 6];
         for i in 0..FOUR {
             let t2 = t[i] * t[i];
-            let share = 1.0 / (1.0 + t2);
+            // One division for both quotients.
+            let inverse = 1.0 / (t[i] * (1.0 + t2));
+            let share = t[i] * inverse;
             let cos = 2.0 * t[i] * share;
-            let position = half_reach * (t[i] - 1.0 / t[i]) - along;
+            let position = half_reach * ((t2 - 1.0) * (1.0 + t2) * inverse) - along;
             let weight = self.weight * weight[i] * 2.0 * cos * share;
             let [r, g, b] = polynomial(light, position).map(|light| weight * light);
             let sin = (t2 - 1.0) * share;
