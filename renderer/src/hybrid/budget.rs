@@ -444,6 +444,12 @@ pub mod glossy {
         least: 3_000_000,
     };
 
+    /// A finer film than the image's takes no more than one of this size would, or than the image itself.
+    pub const FINER_LIMIT_OF: [u32; 2] = [128; 2];
+
+    /// The share of pixels that may miss their target on a film of small patches before a finer one is tried. Chosen.
+    pub const MISSING_MAX: f64 = 0.005;
+
     /// Orders of the polynomials along the narrow axis: a point's own and two finer ones. Beyond them
     /// the rule of wide lobes serves.
     pub const ORDERS: u32 = 3;

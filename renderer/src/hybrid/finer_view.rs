@@ -25,15 +25,23 @@ impl FinerView {
         })
     }
 
-    /// Adds to the coarser film what `add` adds to a dark finer one: each of its pixels is the mean of those that it
-    /// covers. Returns evaluations, as `add` does.
+    /// Adds to the coarser film what `add` adds to the finer one: to each of its pixels the mean of those that it covers.
+    /// The finer film begins with what the coarser one has, because that tells what may be missed beside it. Returns
+    /// evaluations, as `add` does.
     pub fn add_to(
         &self,
         canvas: &mut Canvas<'_>,
         add: impl FnOnce(&View, &mut Canvas<'_>) -> u64,
     ) -> u64 {
         let [width, height] = self.view.size;
-        let mut pixels = vec![FilmPixel::default(); width as usize * height as usize];
+        let on_coarse = |index: u32| (index % width / self.times, index / width / self.times);
+        let beside = |index| canvas.value(on_coarse(index));
+        let mut pixels: Vec<FilmPixel> = (0..width * height)
+            .map(|index| FilmPixel {
+                value: beside(index),
+                error: 0.0,
+            })
+            .collect();
         let mut fine = Canvas {
             width,
             height,
@@ -41,13 +49,12 @@ impl FinerView {
         };
         let evaluations = add(&self.view, &mut fine);
         let share = 1.0 / f64::from(self.times * self.times);
+        let before: Vec<[f64; 3]> = canvas.pixels.iter().map(|pixel| pixel.value).collect();
         for (index, pixel) in (0..).zip(&pixels) {
-            let index_on_coarse = (index % width / self.times, index / width / self.times);
-            canvas.add(
-                index_on_coarse,
-                pixel.value.map(|channel| share * channel),
-                share * pixel.error,
-            );
+            let (column, row) = on_coarse(index);
+            let before = before[(row * canvas.width + column) as usize];
+            let added = [0, 1, 2].map(|channel| share * (pixel.value[channel] - before[channel]));
+            canvas.add((column, row), added, share * pixel.error);
         }
         evaluations
     }

@@ -55,12 +55,27 @@ impl Detail {
         }
     }
 
+    /// How many times as many pixels along either side a film takes on which a patch's image is
+    /// [`PATCH_MIN`](mirror_budget::PATCH_MIN) of them: 1 where this one does, or the image reaches behind the camera.
+    pub fn finer_times(&self) -> f64 {
+        // On the finer film the quotient is 1, or a rounding above it.
+        const ROUNDING: f64 = 1e-9;
+        let patch = self.patch[0].min(self.patch[1]);
+        (mirror_budget::PATCH_MIN / patch - ROUNDING)
+            .ceil()
+            .max(1.0)
+    }
+
+    /// Whether the lobe blurs edges by so little that pixels are worked out one by one, on a film with `times` as many
+    /// along either side.
+    pub fn is_near_mirror(&self, budget: &Budget, times: f64) -> bool {
+        times * self.blur[0].max(self.blur[1]) <= budget.mirror_blur_max()
+    }
+
     /// The part of the film around the chart's image in a near mirror; `None` where the lobe blurs it by too much,
     /// patches are small, or it is too large.
     pub fn around_mirror_image(&self, budget: &Budget, film: &Rectangle) -> Option<Rectangle> {
-        let blur = self.blur[0].max(self.blur[1]);
-        let patch = self.patch[0].min(self.patch[1]);
-        if blur > budget.mirror_blur_max() || patch < mirror_budget::PATCH_MIN {
+        if !self.is_near_mirror(budget, 1.0) || self.finer_times() > 1.0 {
             return None;
         }
         let image = self.image?;

@@ -10,14 +10,18 @@ mod wide;
 mod window;
 
 use super::budget::reflected_chart::PATCHES_MAX;
-use super::budget::{glossy as glossy_budget, is_glossy, reflected_chart};
+use super::budget::{
+    TILING, glossy as glossy_budget, is_glossy, mirror as mirror_budget, reflected_chart,
+};
 use super::chart_on_film::ChartOnFilm;
+use super::finer_view::FinerView;
 use super::interreflection::Interreflection;
 use super::view::View;
 use crate::film::canvas::Canvas;
 use crate::film::demand::{Demand, FunctionError, Terms};
 use crate::film::region::Region;
 use crate::film::tiling::{Shade, integrate, integrate_on};
+use crate::film::{FilmPixel, target};
 use crate::numerics::channels::largest_difference;
 use crate::numerics::polygon::Rectangle;
 use crate::numerics::tolerance::Tolerance;
@@ -53,13 +57,13 @@ pub fn add(
             add_wide(view, canvas, &quartics, error, reflectance)
         }
         (true, Some(parabolas)) => {
-            let charts = (parabolas.clone().map(glossy), &parabolas.map(Into::into));
-            add_glossy(view, canvas, charts, error, reflectance)
+            let charts = (parabolas.clone().map(glossy), parabolas.map(Into::into));
+            add_glossy(view, canvas, &charts, error, reflectance)
         }
         (true, None) => {
             let parabolas = light.told(glossy);
             let quartics = light.told(RadiantChart::<QUARTIC>::from);
-            add_glossy(view, canvas, (parabolas, &quartics), error, reflectance)
+            add_glossy(view, canvas, &(parabolas, quartics), error, reflectance)
         }
     }
 }
@@ -189,13 +193,62 @@ fn add_wide<const NODES: usize>(
     integrate(canvas, &view.sample, &[whole(view)], &demand, &shade)
 }
 
-/// Adds the chart off a glossy lobe; returns evaluations. The light is told by parabolas, and for the points at
-/// which the rules of a wide lobe serve by polynomials of any degree.
+/// The chart as glossy lobes see it: its light told by parabolas, and for the points at which the rules of a wide lobe
+/// serve by polynomials of any degree.
+type GlossyCharts<'a, const NODES: usize> = (Told<GlossyChart<'a>>, Told<RadiantChart<NODES>>);
+
+/// Adds the chart off a glossy lobe; returns evaluations.
+///
+/// A pixel of a coarse film holds many edges of patches, and no tile of it few enough. A near mirror goes to a finer
+/// film at once, other samples where they miss their target in more than a few pixels without.
 fn add_glossy<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
-    (parabolas, polynomials): (Told<GlossyChart<'_>>, &Told<RadiantChart<NODES>>),
+    charts: &GlossyCharts<'_, NODES>,
     function_error: FunctionError,
+    reflectance: &Reflectance,
+) -> u64 {
+    let detail = Detail::new(view, charts.0.chart.plane, reflectance);
+    let times = detail.finer_times();
+    let most = view.evaluations_max(glossy_budget::LIMIT);
+    let add_on = |view: &View, canvas: &mut Canvas<'_>, most| {
+        add_glossy_on(view, canvas, charts, (function_error, most), reflectance)
+    };
+    let Some(finer) = FinerView::new(view, times, mirror_budget::PIXELS_MAX) else {
+        return add_on(view, canvas, most);
+    };
+    let add_on_finer = |finer: &View, canvas: &mut Canvas<'_>| {
+        let [own, least] = [finer.size, glossy_budget::FINER_LIMIT_OF]
+            .map(|size| view.budget.evaluations_max(glossy_budget::LIMIT, size));
+        add_on(finer, canvas, own.min(least.max(most)))
+    };
+    if detail.is_near_mirror(&view.budget, times) {
+        return finer.add_to(canvas, add_on_finer);
+    }
+    let before = canvas.pixels.to_vec();
+    let evaluations = add_on(view, canvas, most);
+    if !misses_much(view, canvas, &before) {
+        return evaluations;
+    }
+    canvas.pixels.copy_from_slice(&before);
+    evaluations + finer.add_to(canvas, add_on_finer)
+}
+
+/// Whether more than a few pixels miss more than what is added to them may.
+fn misses_much(view: &View, canvas: &Canvas<'_>, before: &[FilmPixel]) -> bool {
+    let most = TILING.doubt + TILING.beside;
+    let missing = canvas.pixels.iter().zip(before).filter(|(pixel, before)| {
+        pixel.error - before.error > most * target(&view.budget.chart, pixel.value)
+    });
+    missing.count() > (glossy_budget::MISSING_MAX * before.len() as f64) as usize
+}
+
+/// Adds the chart off a glossy lobe on a film as it is; returns evaluations.
+fn add_glossy_on<const NODES: usize>(
+    view: &View,
+    canvas: &mut Canvas<'_>,
+    (parabolas, polynomials): &GlossyCharts<'_, NODES>,
+    (function_error, evaluations_max): (FunctionError, u64),
     reflectance: &Reflectance,
 ) -> u64 {
     let detail = Detail::new(view, parabolas.chart.plane, reflectance);
@@ -209,7 +262,7 @@ fn add_glossy<const NODES: usize>(
         terms: Terms::Many,
         side_max,
         feature: detail.feature(side_max.min(longest(view))),
-        evaluations_max: view.evaluations_max(glossy_budget::LIMIT),
+        evaluations_max,
         tolerance: view.budget.glossy_rule,
         shares: view.budget.tiling(),
         instructions: view.instructions,
@@ -249,8 +302,8 @@ fn add_glossy<const NODES: usize>(
         None => (vec![bounds], 0),
     };
     let shade = ChartOffGlossyLobe {
-        chart: parabolas.chart,
-        missed: parabolas.missed,
+        chart: &parabolas.chart,
+        missed: parabolas.missed.as_ref(),
         wide,
     };
     let regions = [whole(view)];
@@ -274,8 +327,8 @@ fn whole(view: &View) -> Region<'_> {
 
 /// The chart off a glossy lobe.
 struct ChartOffGlossyLobe<'a, const NODES: usize> {
-    chart: GlossyChart<'a>,
-    missed: Missed<GlossyChart<'a>>,
+    chart: &'a GlossyChart<'a>,
+    missed: Missed<&'a GlossyChart<'a>>,
     /// What serves where no polynomial along the lobe's narrow axis tells the light: seen at a slant
     /// and from near by, it may bend too much over the lobe.
     wide: ChartOffWideLobe<'a, NODES>,
@@ -355,7 +408,7 @@ impl<const NODES: usize> Shade for ChartOffGlossyLobe<'_, NODES> {
         };
         let (position, wo) = self.wide.view.sample_point(film_point);
         let [(coarse, first), (fine, second)] =
-            [&self.chart, finer].map(|chart| chart.reflected(position, wo, tolerance, glossy));
+            [self.chart, finer].map(|chart| chart.reflected(position, wo, tolerance, glossy));
         (largest_difference(coarse, fine), first + second)
     }
 }
