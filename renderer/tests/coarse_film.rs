@@ -136,3 +136,32 @@ fn glossy_samples_meet_their_target_on_coarse_films() {
         );
     }
 }
+
+/// A limit on work goes with the pixels, and a film of 8 x 8 may take a finer one of a hundred thousand. Without a limit
+/// of its own that took 136 million evaluations for this chart.
+#[test]
+fn a_finer_film_takes_no_more_work_than_an_image_may() {
+    let mut random = ChaCha8Rng::seed_from_u64(20_261_202);
+    let mut specification = Specification::preset();
+    (specification.image.width, specification.image.height) = (8, 8);
+    let checker = &mut specification.checker;
+    (checker.columns, checker.rows, checker.pitch_m) = (24, 16, 0.05);
+    let colour = |_| random.next_u32().to_le_bytes().first_chunk().copied();
+    let colours = (0..24 * 16).map(colour).collect::<Option<_>>();
+    checker.patches_srgb8 = colours.expect("four bytes");
+    let material = Material {
+        roughness: 0.1,
+        anisotropy: 0.5,
+        angle_deg: 40.0,
+        ior: 2.0,
+        rgb0: [0.8, 0.5, 0.3],
+        rgb90: [0.9; 3],
+    };
+    let renderer = Renderer::new(&specification, BackendChoice::Native).expect("views");
+    let rendering = renderer.render(&material, None, 5).expect("a rendering");
+    let evaluations = rendering.statistics.evaluations;
+    assert!(
+        (100_000_000..130_000_000).contains(&evaluations),
+        "{evaluations}"
+    );
+}

@@ -59,3 +59,74 @@ impl FinerView {
         evaluations
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BackendChoice;
+    use crate::scene::Scene;
+    use dataset::Specification;
+
+    /// The preset's view 5 on a film of 7 x 5 pixels.
+    fn view() -> View {
+        let mut specification = Specification::preset();
+        (specification.image.width, specification.image.height) = (7, 5);
+        let scene = Scene::new(&specification, 5, BackendChoice::Native).expect("a view");
+        View::new(&scene.expect("a scene"), &specification).expect("in front of the camera")
+    }
+
+    #[test]
+    fn a_pixel_gets_the_mean_of_what_those_that_it_covers_get() {
+        let view = view();
+        let finer = FinerView::new(&view, 3.0, 315.0).expect("a finer film");
+        let number = |index: u32, factor: f64| (f64::from(index) * factor).fract();
+        let before: Vec<FilmPixel> = (0..35)
+            .map(|index| FilmPixel {
+                value: [0.618, 0.755, 0.57].map(|factor| number(index, factor)),
+                error: number(index, 0.414),
+            })
+            .collect();
+        let mut pixels = before.clone();
+        let mut canvas = Canvas {
+            width: 7,
+            height: 5,
+            pixels: &mut pixels,
+        };
+        let (mut added, mut errors) = (vec![[0.0; 3]; 35], vec![0.0; 35]);
+        let evaluations = finer.add_to(&mut canvas, |view, fine| {
+            assert_eq!(view.size, [21, 15]);
+            for row in 0..15 {
+                for column in 0..21 {
+                    let coarse = (row / 3 * 7 + column / 3) as usize;
+                    assert_eq!(fine.value((column, row)), before[coarse].value);
+                    let (index, share) = (row * 21 + column, 1.0 / 9.0);
+                    let value = [0.3, 0.7, 0.9].map(|factor| number(index, factor));
+                    let error = number(index, 0.11);
+                    fine.add((column, row), value, error);
+                    for (sum, value) in added[coarse].iter_mut().zip(value) {
+                        *sum += share * value;
+                    }
+                    errors[coarse] += share * error;
+                }
+            }
+            17
+        });
+        assert_eq!(evaluations, 17);
+        for (index, (pixel, before)) in pixels.iter().zip(&before).enumerate() {
+            for (channel, added) in added[index].iter().enumerate() {
+                let expected = before.value[channel] + added;
+                assert!((pixel.value[channel] - expected).abs() < 1e-14);
+            }
+            assert!((pixel.error - before.error - errors[index]).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn neither_the_same_film_nor_one_of_too_many_pixels_is_finer() {
+        let view = view();
+        for times in [0.0, 1.0, 4.0, 1e9, f64::INFINITY, f64::NAN] {
+            assert!(FinerView::new(&view, times, 559.0).is_none(), "{times}");
+        }
+        assert!(FinerView::new(&view, 4.0, 560.0).is_some());
+    }
+}
