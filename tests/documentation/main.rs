@@ -129,3 +129,20 @@ fn no_other_file_of_the_book_has_the_name_of_a_page() {
         assert!(!html.exists(), "{}", html.display());
     }
 }
+
+/// Three versions had gone by before the table of them said so.
+#[test]
+fn the_table_of_the_renderers_versions_has_each_once() {
+    let changes = fs::read_to_string(root().join("CHANGELOG.md")).unwrap();
+    let (_, table) = changes
+        .split_once("\n## Versions of the renderer\n")
+        .unwrap();
+    let table = table.split("\n## ").next().unwrap();
+    let rows = table.lines().filter_map(|line| {
+        let cell = line.strip_prefix("| ")?.split(" |").next()?;
+        cell.parse::<u32>().ok()
+    });
+    let newest: u32 = dataset::RENDERER_VERSION.parse().unwrap();
+    let expected: Vec<u32> = (1..=newest).collect();
+    assert_eq!(rows.collect::<Vec<_>>(), expected);
+}
