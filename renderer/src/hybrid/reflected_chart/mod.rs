@@ -214,7 +214,11 @@ fn add_glossy<const NODES: usize>(
     let add_on = |view: &View, canvas: &mut Canvas<'_>, most| {
         add_glossy_on(view, canvas, charts, (function_error, most), reflectance)
     };
-    let Some(finer) = FinerView::new(view, times, mirror_budget::PIXELS_MAX) else {
+    let plane = &charts.0.chart.plane;
+    let finer = (plane.columns * plane.rows <= glossy_budget::FINER_PATCHES_MAX)
+        .then(|| FinerView::new(view, times, mirror_budget::PIXELS_MAX))
+        .flatten();
+    let Some(finer) = finer else {
         return add_on(view, canvas, most);
     };
     let add_on_finer = |finer: &View, canvas: &mut Canvas<'_>| {
