@@ -444,7 +444,7 @@ pub mod glossy {
         least: 3_000_000,
     };
 
-    /// A finer film than the image's takes no more than one of this size would, or than the image itself.
+    /// The limit on work of a finer film is that of an image of this size, or of the image itself if that is larger.
     pub const FINER_LIMIT_OF: [u32; 2] = [128; 2];
 
     /// Charts of more patches are not rendered on a finer film: the tiles that such a film begins with took 380 million

@@ -199,8 +199,8 @@ type GlossyCharts<'a, const NODES: usize> = (Told<GlossyChart<'a>>, Told<Radiant
 
 /// Adds the chart off a glossy lobe; returns evaluations.
 ///
-/// A pixel of a coarse film holds many edges of patches, and no tile of it few enough. A near mirror goes to a finer
-/// film at once, other samples where they miss their target in more than a few pixels without.
+/// A pixel of a coarse film holds more edges of patches than a tile can resolve. So a near mirror is rendered on a finer
+/// film at once. Another sample is where too many of its pixels miss their target on this one.
 fn add_glossy<const NODES: usize>(
     view: &View,
     canvas: &mut Canvas<'_>,
