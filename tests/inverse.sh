@@ -6,11 +6,11 @@
 # Refines COPIES (200) noisy copies of the pair of photographs of each of MATERIALS (10), and compares
 # the spread of every parameter with its Cramer-Rao bound.
 #
-#   tests/inverse.sh derivatives [CASES [SIDE [ACCURACY [TIGHT [FIRST]]]]]
+#   tests/inverse.sh derivatives [CASES [SIDE [ACCURACY [TIGHT [FIRST [VIEWS]]]]]]
 #
 # Compares derivatives of images of SIDE x SIDE (8) pixels rendered to a relative ACCURACY (1e-5)
-# with extrapolated differences of images rendered to TIGHT (1e-5), over all views of CASES (62): the
-# 12 hard cases, then materials drawn from the preset. A view in which a notable derivative is off by
+# with extrapolated differences of images rendered to TIGHT (1e-5), over VIEWS (all, or as in 0,5) of
+# CASES (62): the 12 hard cases, then materials drawn from the preset. A view in which a notable derivative is off by
 # a percent, any is off by more than it states, or the differences do not tell one, is compared again
 # with both accuracies a tenth as large, and once more. A case takes one to fifteen minutes of a core.
 #
@@ -30,7 +30,7 @@ case "${1:-}" in
   derivatives)
     export BRDFARM_CASES="${2:-62}" BRDFARM_SIDE="${3:-8}"
     export BRDFARM_ACCURACY="${4:-1e-5}" BRDFARM_TIGHT_ACCURACY="${5:-1e-5}"
-    export BRDFARM_FIRST="${6:-0}"
+    export BRDFARM_FIRST="${6:-0}" BRDFARM_VIEWS="${7:-all}"
     ;;
   starts)
     export BRDFARM_MATERIALS="${2:-80}" BRDFARM_FIRST="${3:-0}"

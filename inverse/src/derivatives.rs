@@ -14,7 +14,7 @@
 use crate::encoding::Encoding;
 use crate::error::InverseError;
 use crate::observation::check_views;
-use crate::parameters::{PARAMETERS, Theta};
+use crate::parameters::{ANGLE, ANISOTROPY, PARAMETERS, Theta};
 use crate::steps::{self, Point};
 use dataset::specification::Accuracy;
 use dataset::{Material, Specification};
@@ -174,6 +174,10 @@ impl Differentiator {
         views: &[u32],
         bases: &[&Base],
     ) -> Result<Vec<ParameterDerivative>, InverseError> {
+        if changes_nothing(theta, parameter) {
+            let zero = bases.iter().map(|base| zero(base.pixels.len()));
+            return Ok(zero.collect());
+        }
         let first = self.quotients(theta, parameter, views, bases, 1.0)?;
         // Of each view by every step so far, and the surest.
         let mut of_steps: Vec<Vec<ParameterDerivative>> =
@@ -345,11 +349,27 @@ fn derivative(sums: &[Sums]) -> ParameterDerivative {
     }
 }
 
+/// Whether the derivatives by a parameter are 0 whatever the scene. The lobe's wider axis follows A^3, whose slope at
+/// A = 0 is 0; and there the lobe is round, so that turning it changes nothing. Differences would find the renderings'
+/// errors.
+fn changes_nothing(theta: &Theta, parameter: usize) -> bool {
+    theta.0[ANISOTROPY] == 0.0 && matches!(parameter, ANISOTROPY | ANGLE)
+}
+
+fn zero(pixels: usize) -> ParameterDerivative {
+    off_by(0.0, pixels)
+}
+
 fn nonexistent(pixels: usize) -> ParameterDerivative {
+    off_by(f64::INFINITY, pixels)
+}
+
+/// Derivatives of 0 that may be off by this.
+fn off_by(error: f64, pixels: usize) -> ParameterDerivative {
     ParameterDerivative {
         values: vec![[0.0; 3]; pixels],
-        disagreements: vec![[f64::INFINITY; 3]; pixels],
-        errors: vec![[f64::INFINITY; 3]; pixels],
+        disagreements: vec![[error; 3]; pixels],
+        errors: vec![[error; 3]; pixels],
     }
 }
 

@@ -117,7 +117,8 @@ fn campaign_of_derivatives() {
     let hard = HARD_CASES.map(|case| (case.name.to_owned(), case.material));
     let cases = hard.into_iter().chain(drawn).skip(first).take(count);
     let cases: Vec<(String, Material)> = cases.collect();
-    let alike = views_alike(&rough);
+    let chosen: String = from_environment("BRDFARM_VIEWS");
+    let alike = views_alike(&rough, &chosen);
     let work: Vec<(usize, &Vec<u32>)> = (0..cases.len())
         .flat_map(|case| alike.iter().map(move |views| (case, views)))
         .collect();
@@ -143,14 +144,23 @@ fn campaign_of_derivatives() {
     assert!(all.uncovered * 1000 <= all.channels);
 }
 
-/// The views in groups of one light and one rotation of the sample, which share their interreflection.
-fn views_alike(specification: &Specification) -> Vec<Vec<u32>> {
+/// The chosen views, `all` or their indices with commas, in groups of one light and one rotation of the sample, which
+/// share their interreflection.
+fn views_alike(specification: &Specification, chosen: &str) -> Vec<Vec<u32>> {
+    let index = |text: &str| text.parse().expect("BRDFARM_VIEWS: all, or as in 0,5");
+    let is_chosen: Box<dyn Fn(usize) -> bool> = if chosen == "all" {
+        Box::new(|_| true)
+    } else {
+        let indices: Vec<usize> = chosen.split(',').map(index).collect();
+        Box::new(move |index| indices.contains(&index))
+    };
     let alike = |one: &View, other: &View| {
         one.light_elevation_deg == other.light_elevation_deg
             && one.rotation_deg == other.rotation_deg
     };
     let mut groups: Vec<Vec<u32>> = Vec::new();
-    for (index, view) in specification.views.iter().enumerate() {
+    let views = specification.views.iter().enumerate();
+    for (index, view) in views.filter(|(index, _)| is_chosen(*index)) {
         let same = |group: &&mut Vec<u32>| alike(view, &specification.views[group[0] as usize]);
         match groups.iter_mut().find(same) {
             Some(group) => group.push(index as u32),

@@ -260,3 +260,54 @@ fn a_common_factor_of_the_colours_is_not_observed() {
         assert_eq!(bound.is_finite(), index < 4, "{}: {bound}", NAMES[index]);
     }
 }
+
+/// A round lobe does not change when it is turned, and its anisotropy counts as a cube.
+#[test]
+fn an_isotropic_sample_has_no_derivatives_by_anisotropy_and_angle() {
+    let specification = preset(16, 1e-4);
+    let material = Material {
+        anisotropy: 0.0,
+        roughness: 20.0,
+        angle_deg: 20.0,
+        ..specification.material(2).material
+    };
+    let (view, [anisotropy, angle]) = (WITHOUT_CHART, [1, 2]);
+    let renderer = Renderer::new(&specification, BACKEND).expect("views");
+    let film = |material: &Material| films(&renderer, material, &[view]).concat().concat();
+    let off = |beside: Material| -> f64 {
+        let pairs = film(&material).into_iter().zip(film(&beside));
+        pairs
+            .map(|(here, there)| (here - there).abs())
+            .fold(0.0, f64::max)
+    };
+    let turned = off(Material {
+        angle_deg: 80.0,
+        ..material
+    });
+    let [long, short] = [0.2, 0.1].map(|anisotropy| {
+        off(Material {
+            anisotropy,
+            ..material
+        }) / anisotropy
+    });
+    println!("turned by 60 degrees {turned:.1e}; by the anisotropy {long:.1e} and {short:.1e}");
+    assert!(turned < 1e-4 && long > 1e-3);
+    assert!(short < 0.3 * long, "{short} against {long}");
+
+    let differentiator = Differentiator::new(&specification, BACKEND).expect("views");
+    let derivatives = differentiator
+        .views(&material, &[view])
+        .expect("derivatives");
+    for parameter in [anisotropy, angle] {
+        let by = &derivatives[0].by[parameter];
+        assert!(by.values.iter().flatten().all(|value| *value == 0.0));
+        assert!(by.errors.iter().flatten().all(|error| *error == 0.0));
+    }
+    let information = Information::of_view(&derivatives[0], Encoding::Srgb);
+    let bounds = information.bounds(2.0 / 255.0).expect("bounds");
+    assert!(
+        bounds[anisotropy].is_infinite() && bounds[angle].is_infinite(),
+        "{bounds:?}"
+    );
+    assert!(bounds[0].is_finite(), "{bounds:?}");
+}

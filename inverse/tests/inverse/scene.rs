@@ -39,7 +39,7 @@ pub fn films(renderer: &Renderer, material: &Material, views: &[u32]) -> Vec<Vec
 pub fn from_environment<T: FromStr>(name: &str) -> T {
     let set = std::env::var(name).ok();
     let number = set.and_then(|text| text.parse().ok());
-    number.unwrap_or_else(|| panic!("{name} is to be a number: tests/inverse.sh sets it"))
+    number.unwrap_or_else(|| panic!("{name} is not what it is to be: tests/inverse.sh sets it"))
 }
 
 /// Draws by seed.
